@@ -1,0 +1,48 @@
+#pragma once
+
+#include <cstddef>
+#include <deque>
+#include <optional>
+#include <vector>
+
+#include "cocalib/measurements/measurements.h"
+
+namespace cocalib {
+
+/// Inertial samples in order of time. Not thread-safe: its owner locks.
+class ImuBuffer {
+ public:
+  enum class Push { kAccepted, kNotFinite, kNotNewer, kTimeJump };
+
+  /// @param keep_s   samples older than this before the newest are forgotten [s]
+  explicit ImuBuffer(double keep_s = 1e9) : keep_s_(keep_s) {}
+
+  /// Appends one sample. A sample that is not finite, or not newer than the last, is refused; one that is more
+  /// than a second before the last is kTimeJump: the clock was set back (a bag looped), the caller must start over.
+  Push push(const ImuSample& sample);
+
+  bool empty() const { return samples_.empty(); }
+  std::size_t size() const { return samples_.size(); }
+  TimeNs firstStamp() const { return samples_.front().stamp; }
+  TimeNs lastStamp() const { return samples_.back().stamp; }
+
+  /// Sample linearly interpolated at `stamp`; nothing outside the buffer.
+  std::optional<ImuSample> at(TimeNs stamp) const;
+
+  /// Samples that cover [from, to]: first one exactly at `from`, last one exactly at `to` (interpolated), the raw
+  /// ones between. Empty if the buffer does not cover the interval, or `to` <= `from`.
+  std::vector<ImuSample> slice(TimeNs from, TimeNs to) const;
+
+  /// Longest time between two neighbouring samples within [from, to] [s].
+  double longestGap(TimeNs from, TimeNs to) const;
+
+  void forgetBefore(TimeNs stamp);
+  void clear() { samples_.clear(); }
+  const std::deque<ImuSample>& samples() const { return samples_; }
+
+ private:
+  double keep_s_;
+  std::deque<ImuSample> samples_;
+};
+
+}  // namespace cocalib

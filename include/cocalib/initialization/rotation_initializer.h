@@ -1,0 +1,42 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "cocalib/inertial/imu_buffer.h"
+#include "cocalib/measurements/measurements.h"
+
+namespace cocalib {
+
+/// Rotation of a sensor between two of its own stamps, p_a = R_a_b p_b, in the sensor frame.
+struct RelativeSensorRotation {
+  TimeNs stamp_a = 0, stamp_b = 0;  ///< sensor clock
+  Eigen::Quaterniond R_a_b;
+};
+
+struct RotationInitializerParams {
+  double max_time_offset_s = 0.3;      ///< search range of the clock offset, each way
+  double min_singular_value = 0.25;    ///< second-smallest singular value of the normalised hand-eye problem that counts as determined
+  double max_residual_rad = 0.02;      ///< median residual above which the result is refused
+  int min_pairs = 30;
+};
+
+/// Mounting rotation, clock offset and gyro bias from rotations alone.
+struct RotationInitialization {
+  Eigen::Quaterniond R_imu_sensor;
+  double time_offset_s = 0.0;                            ///< t_imu = t_sensor + time_offset
+  Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();   ///< [rad/s]
+  double median_residual_rad = 0.0;
+  double second_singular_value = 0.0;                    ///< of the rotation axes' spread: 0 when all rotations share one axis
+};
+
+/// Clock offset by correlating |angular rate| of sensor and gyro (needs no rotation), refined to a fraction of a
+/// sample; then hand-eye rotation (paper Eq. 1) jointly with gyro bias and offset by robust (re-weighted) least squares.
+/// @return nothing while the motion does not determine it; `reason` then says why, in words for the user
+std::optional<RotationInitialization> initializeRotation(const ImuBuffer& imu,
+                                                         const std::vector<RelativeSensorRotation>& rotations,
+                                                         const RotationInitializerParams& params,
+                                                         std::string* reason = nullptr);
+
+}  // namespace cocalib

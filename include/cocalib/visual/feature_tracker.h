@@ -1,0 +1,51 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include <opencv2/core/mat.hpp>
+
+#include "cocalib/measurements/measurements.h"
+#include "cocalib/sensors/camera_model.h"
+
+namespace cocalib {
+
+/// Grid-balanced KLT tracks of natural features, predicted by the gyro once the mounting is known.
+/// Not thread-safe. Deterministic.
+class FeatureTracker {
+ public:
+  struct Params {
+    int max_features = 150;
+    int grid_cols = 8, grid_rows = 5;        ///< features are spread evenly over these cells
+    double min_distance_px = 20.0;
+    double max_forward_backward_px = 0.5;
+    double ransac_px = 1.5;                  ///< epipolar threshold
+  };
+  FeatureTracker(const CameraModel& camera, const Params& params);
+
+  /// Tracks into the next picture and tops up with new corners. Tracks keep their id while they live.
+  /// @param R_Cnow_Cprev  rotation p_now = R p_prev of the camera since the previous picture, if known
+  /// @param mask_px       convex outline (e.g. of the chessboard) where no new feature is taken; may be empty
+  std::vector<TrackObservation> track(const ImageFrame& image,
+                                      const std::optional<Eigen::Quaterniond>& R_Cnow_Cprev = std::nullopt,
+                                      const std::vector<Eigen::Vector2f>& mask_px = {});
+
+  /// Forgets all tracks (time jump, blackout).
+  void reset();
+
+ private:
+  CameraModel camera_;
+  Params params_;
+  // The helper that implements this file may add private members.
+};
+
+/// Relative rotation p_b = R p_a between two pictures from their common tracks (essential matrix by RANSAC, falling back to
+/// a pure rotation where the translation is too small to tell), with the number of inliers; nothing below 15 common tracks.
+struct RelativeRotation {
+  Eigen::Quaterniond R_b_a;
+  int inliers = 0;
+};
+std::optional<RelativeRotation> relativeRotation(const std::vector<TrackObservation>& a,
+                                                 const std::vector<TrackObservation>& b, const CameraModel& camera);
+
+}  // namespace cocalib
