@@ -33,9 +33,11 @@ class ImuBuffer {
   /// ones between. Empty if the buffer does not cover the interval, or `to` <= `from`.
   std::vector<ImuSample> slice(TimeNs from, TimeNs to) const;
 
-  /// Longest time between two neighbouring samples within [from, to] [s].
+  /// Longest time between two neighbouring samples that reach into [from, to] [s]; infinite if the buffer does not
+  /// cover the interval.
   double longestGap(TimeNs from, TimeNs to) const;
 
+  /// Forgets what is not needed for times from `stamp` on: the sample at or just before it stays.
   void forgetBefore(TimeNs stamp);
   void clear() { samples_.clear(); }
   const std::deque<ImuSample>& samples() const { return samples_; }

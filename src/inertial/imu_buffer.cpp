@@ -1,0 +1,72 @@
+#include "cocalib/inertial/imu_buffer.h"
+
+#include <algorithm>
+#include <limits>
+
+namespace cocalib {
+namespace {
+
+/// A step back of more than this is a clock that was set back, not a late message.
+constexpr TimeNs kTimeJumpNs = 1'000'000'000;
+
+bool isBefore(const ImuSample& sample, TimeNs stamp) { return sample.stamp < stamp; }
+
+/// Linear between two samples; exact (bit by bit) at both ends.
+ImuSample interpolate(const ImuSample& a, const ImuSample& b, TimeNs stamp) {
+  if (stamp == a.stamp) return a;
+  if (stamp == b.stamp) return b;
+  const double s = toSeconds(stamp - a.stamp) / toSeconds(b.stamp - a.stamp);
+  return {stamp, a.gyro + s * (b.gyro - a.gyro), a.accel + s * (b.accel - a.accel)};
+}
+
+}  // namespace
+
+ImuBuffer::Push ImuBuffer::push(const ImuSample& sample) {
+  if (!sample.gyro.allFinite() || !sample.accel.allFinite()) return Push::kNotFinite;
+  if (!samples_.empty()) {
+    const TimeNs last = samples_.back().stamp;
+    if (last - sample.stamp > kTimeJumpNs) return Push::kTimeJump;
+    if (sample.stamp <= last) return Push::kNotNewer;
+  }
+  samples_.push_back(sample);
+  while (toSeconds(sample.stamp - samples_.front().stamp) > keep_s_) samples_.pop_front();
+  return Push::kAccepted;
+}
+
+std::optional<ImuSample> ImuBuffer::at(TimeNs stamp) const {
+  if (empty() || stamp < firstStamp() || stamp > lastStamp()) return std::nullopt;
+  const auto after = std::lower_bound(samples_.begin(), samples_.end(), stamp, isBefore);
+  if (after->stamp == stamp) return *after;
+  return interpolate(*(after - 1), *after, stamp);
+}
+
+std::vector<ImuSample> ImuBuffer::slice(TimeNs from, TimeNs to) const {
+  if (to <= from || empty() || from < firstStamp() || to > lastStamp()) return {};
+  // The raw samples strictly between the ends: [first, last).
+  const auto first = std::lower_bound(samples_.begin(), samples_.end(), from + 1, isBefore);
+  const auto last = std::lower_bound(first, samples_.end(), to, isBefore);
+  std::vector<ImuSample> result;
+  result.reserve(static_cast<std::size_t>(last - first) + 2);
+  result.push_back(interpolate(*(first - 1), *first, from));
+  result.insert(result.end(), first, last);
+  result.push_back(interpolate(*(last - 1), *last, to));
+  return result;
+}
+
+double ImuBuffer::longestGap(TimeNs from, TimeNs to) const {
+  if (to < from || empty() || from < firstStamp() || to > lastStamp()) return std::numeric_limits<double>::infinity();
+  auto next = std::lower_bound(samples_.begin(), samples_.end(), from + 1, isBefore);
+  TimeNs longest = 0;
+  for (; next != samples_.end(); ++next) {
+    const TimeNs previous = (next - 1)->stamp;
+    if (previous >= to) break;
+    longest = std::max(longest, next->stamp - previous);
+  }
+  return toSeconds(longest);
+}
+
+void ImuBuffer::forgetBefore(TimeNs stamp) {
+  while (samples_.size() > 1 && samples_[1].stamp <= stamp) samples_.pop_front();
+}
+
+}  // namespace cocalib
