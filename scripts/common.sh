@@ -118,9 +118,8 @@ build() {
     die "configuring failed"
   fi
   say "building $* with $(compile_jobs) jobs (log: $log)"
-  if ! make -C "$build_dir" -j"$(compile_jobs)" "$@" 2>&1 | tee "$log" |
-      { grep -Ev '^(make|\[ *[0-9]+%\] (Building|Linking|Generating|Automatic)|Scanning|Consolidate|Dependencies)|Built target (_|std_|geometry_|sensor_)' || true; }; then
-    tail -n 30 "$log" >&2
+  if ! make -C "$build_dir" --no-print-directory -j"$(compile_jobs)" "$@" 2>&1 | tee "$log" |
+      { grep -Ev '^\[ *[0-9]+%\] (Building|Linking|Generating)|^Scanning|^Consolidate|Built target _|Built target.*_generate_messages' || true; }; then
     die "building failed"
   fi
 }
