@@ -1,0 +1,85 @@
+#include "cocalib/sim/scene.h"
+
+#include <cmath>
+#include <limits>
+
+namespace cocalib::sim {
+namespace {
+
+// A ray must leave the surface it starts on.
+constexpr double kMinRange_m = 1e-6;
+
+Rectangle rectangle(const Eigen::Vector3d& center, const Eigen::Vector3d& normal, const Eigen::Vector3d& u,
+                    double half_u, double half_v) {
+  Rectangle r;
+  r.center = center;
+  r.normal = normal.normalized();
+  r.u = (u - r.normal * r.normal.dot(u)).normalized();
+  r.v = r.normal.cross(r.u);
+  r.half_u = half_u;
+  r.half_v = half_v;
+  return r;
+}
+
+std::vector<Rectangle> room() {
+  const Eigen::Vector3d x = Eigen::Vector3d::UnitX(), y = Eigen::Vector3d::UnitY(), z = Eigen::Vector3d::UnitZ();
+  return {// walls, floor, ceiling
+          rectangle({0, 4, 2}, x, y, 4, 2), rectangle({10, 4, 2}, -x, y, 4, 2), rectangle({5, 0, 2}, y, x, 5, 2),
+          rectangle({5, 8, 2}, -y, x, 5, 2), rectangle({5, 4, 0}, z, x, 5, 4), rectangle({5, 4, 4}, -z, x, 5, 4),
+          // cupboard
+          rectangle({2.0, 6.4, 0.5}, -y, x, 0.6, 0.5), rectangle({2.6, 6.8, 0.5}, x, y, 0.4, 0.5),
+          rectangle({2.0, 6.8, 1.0}, z, x, 0.6, 0.4),
+          // pillar
+          rectangle({7.5, 1.3, 2}, -x, y, 0.3, 2), rectangle({7.8, 1.6, 2}, y, x, 0.3, 2),
+          // leaning panel
+          rectangle({1.0, 2.0, 1.5}, {1, 0.5, 0.3}, y, 0.75, 0.75)};
+}
+
+}  // namespace
+
+Scene::Scene(const Scenario& scenario) : rectangles_(room()) {
+  if (!scenario.board.present) return;
+  const Scenario::Board& board = scenario.board;
+  // Facing the rig: x to the right (-y of W), y down, z away from the rig; then turned about the axes of the plate as
+  // seen from the front, with x right, y up and z towards the rig.
+  Eigen::Matrix3d R_W_front;
+  R_W_front << 0, 0, -1, -1, 0, 0, 0, 1, 0;
+  R_W_front *= rotationFromRpy({board.tilt_rpy[0], board.tilt_rpy[1], board.tilt_rpy[2]});
+  const Eigen::Vector3d center = restPosition() + Eigen::Vector3d(board.distance_m, 0.1, 0.15);
+  Eigen::Matrix3d R_W_B;
+  R_W_B << R_W_front.col(0), -R_W_front.col(1), -R_W_front.col(2);
+  T_W_B_.q = Eigen::Quaterniond(R_W_B);
+  const Eigen::Vector3d half_span(0.5 * (board.cols - 1) * board.square_m, 0.5 * (board.rows - 1) * board.square_m, 0);
+  T_W_B_.t = center - T_W_B_.q * half_span;
+
+  Rectangle plate = rectangle(center, R_W_front.col(2), R_W_front.col(0), 0.5 * board.width_m, 0.5 * board.height_m);
+  plate.is_board = true;
+  board_index_ = static_cast<int>(rectangles_.size());
+  rectangles_.push_back(plate);
+}
+
+std::optional<Scene::Hit> Scene::raycast(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) const {
+  Hit best{std::numeric_limits<double>::infinity(), -1};
+  for (std::size_t i = 0; i < rectangles_.size(); ++i) {
+    const Rectangle& r = rectangles_[i];
+    const double approach = r.normal.dot(direction);
+    if (approach == 0.0) continue;
+    const Eigen::Vector3d to_center = r.center - origin;
+    const double range = r.normal.dot(to_center) / approach;
+    if (!(range > kMinRange_m) || range >= best.range) continue;
+    const Eigen::Vector3d p = range * direction - to_center;
+    if (std::abs(p.dot(r.u)) > r.half_u || std::abs(p.dot(r.v)) > r.half_v) continue;
+    best = {range, static_cast<int>(i)};
+  }
+  if (best.index < 0) return std::nullopt;
+  return best;
+}
+
+bool Scene::visible(const Eigen::Vector3d& eye, const Eigen::Vector3d& point) const {
+  const Eigen::Vector3d ray = point - eye;
+  const double range = ray.norm();
+  const std::optional<Hit> hit = raycast(eye, ray / range);
+  return !hit || hit->range > range - 1e-6;
+}
+
+}  // namespace cocalib::sim
