@@ -12,7 +12,7 @@ export PATH=/usr/bin:$PATH
 debian_packages=(
   build-essential cmake catkin ccache
   ros-message-generation ros-std-msgs ros-geometry-msgs ros-sensor-msgs ros-visualization-msgs ros-diagnostic-msgs ros-std-srvs
-  libcv-bridge-dev libdiagnostic-updater-dev libimage-transport-dev libnodelet-dev librosbag-dev libroscpp-dev libstd-srvs-dev
+  libcv-bridge-dev libdiagnostic-updater-dev libimage-transport-dev libnodelet-dev libnodeletlib-dev librosbag-dev libroscpp-dev libstd-srvs-dev
   libtf2-ros-dev libvisualization-msgs-dev pluginlib-dev python3-dynamic-reconfigure
   libboost-program-options-dev libceres-dev libeigen3-dev libopencv-dev libyaml-cpp-dev
   libnodeletlib-tools rosbash rosout python3-nodelet python3-roslaunch python3-rosbag python3-rosnode python3-rosparam
