@@ -1,0 +1,92 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <vector>
+
+#include "cocalib/estimation/inertial_chain.h"
+#include "cocalib/factors/sensor_pose.h"
+#include "cocalib/sensors/camera_model.h"
+
+namespace cocalib {
+
+/// The visual factors of a window: chessboard corners against the board landmark, and natural features, whose landmarks
+/// are eliminated on the camera poses before they enter the system.
+///
+/// A landmark is X = A + R_A [u v 1]^T / rho about a fixed anchor (A, R_A), the camera's pose when it was made. The anchor
+/// is a number, not a state: the parametrisation is good for far points and every observation counts alike.
+class CameraGroup {
+ public:
+  struct Params {
+    CameraModel camera;
+    std::optional<BoardGeometry> board;
+    double corner_sigma_px = 0.1;
+    double track_sigma_px = 0.7;
+    double huber_sigmas = 2.0;     ///< residual, in sigmas, from which a feature counts linearly
+    double gate_sigmas = 5.0;      ///< residual, in sigmas, beyond which an observation is left out
+  };
+  explicit CameraGroup(const Params& params) : params_(params) {}
+
+  void addFrame(const VisualKeyframe& keyframe);
+  int frames() const { return static_cast<int>(frames_.size()); }
+  int boardViews() const;
+  bool sawBoard() const { return boardViews() > 0; }
+
+  /// Finds the node of every frame, triangulates new landmarks and drops observations that contradict the state.
+  void relink(const WindowState& state, const InertialChain& chain);
+
+  /// Adds all factors; or, with `end_node` >= 0, only those that touch nodes before it.
+  void accumulate(const WindowState& state, const InertialChain& chain, int end_node, ChainSystem* system);
+  /// Moves the landmarks by the step that solved the last accumulated system; revertLandmarks() takes it back.
+  void moveLandmarks(const ChainSystem::Step& step);
+  void revertLandmarks();
+  /// Forgets everything that accumulate(.., end_node, ..) used, and renumbers the nodes.
+  void dropFront(int end_node);
+
+  /// RMS reprojection error of corners and tracks at the last accumulate() [px].
+  double cornerRms() const { return corner_rms_px_; }
+  double trackRms() const { return track_rms_px_; }
+  /// First frame with a board, with the pose of its camera: a start for the board landmark.
+  std::optional<std::pair<TimeNs, BoardObservation>> firstBoardView() const;
+  const Params& params() const { return params_; }
+
+ private:
+  struct Frame {
+    TimeNs stamp = 0;
+    int node = -1;
+    std::optional<BoardObservation> board;
+  };
+  struct Observation {
+    int frame;
+    Eigen::Vector2d px;
+    bool used = true;
+  };
+  struct Landmark {
+    Pose T_W_A;
+    Eigen::Vector3d uv_rho = Eigen::Vector3d::Zero();
+    bool ready = false;
+    std::vector<Observation> observations;
+    // From the last accumulate(): what back-substitution needs.
+    bool eliminated = false;
+    Eigen::Matrix3d V_inverse;
+    Eigen::Vector3d gradient;
+    std::vector<std::pair<int, Eigen::Matrix<double, 6, 3>>> W;  // by frame
+    Eigen::Vector3d previous;
+  };
+  struct Sums;
+
+  bool touches(const Landmark& landmark, int end_node) const;
+  void triangulate(Landmark* landmark, const std::vector<SensorPose>& poses) const;
+  void gate(Landmark* landmark, const std::vector<SensorPose>& poses) const;
+  std::vector<SensorPose> cameraPoses(const WindowState& state, const InertialChain& chain) const;
+  void addBoard(const WindowState& state, int frame, Sums* sums, ChainSystem* system) const;
+  void addLandmark(Landmark* landmark, Sums* sums) const;
+
+  Params params_;
+  std::vector<Frame> frames_;
+  std::map<std::uint32_t, Landmark> landmarks_;  // by track; ordered, so that sums repeat to the bit
+  std::vector<SensorPose> poses_;                // at the last accumulate()
+  double corner_rms_px_ = 0.0, track_rms_px_ = 0.0;
+};
+
+}  // namespace cocalib

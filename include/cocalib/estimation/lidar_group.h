@@ -1,0 +1,100 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "cocalib/estimation/inertial_chain.h"
+#include "cocalib/factors/sensor_pose.h"
+#include "cocalib/lidar/board_segmenter.h"
+#include "cocalib/lidar/plane_map.h"
+
+namespace cocalib {
+
+/// The lidar factors of a window: points on plane landmarks, points on the board, crossings of its outline.
+///
+/// Raw points are kept. link() gives every point its plane and sums the points of each few milliseconds and plane into
+/// one 4x4 moment in the lidar frame; within that time the points are brought to its middle with the current
+/// estimate, where an error of the calibration is of second order. accumulate() then costs the same for 500 points
+/// as for 50,000.
+class LidarGroup {
+ public:
+  struct Params {
+    double range_noise_m = 0.03;
+    double noise_floor_m = 0.004;   ///< across the plane, whatever the incidence: bearing noise, roughness
+    double gate_sigmas = 4.0;
+    double bin_s = 0.002;           ///< points of this long share one pose
+    std::optional<BoardGeometry> board;
+  };
+  explicit LidarGroup(const Params& params) : params_(params) {}
+
+  void addScan(std::shared_ptr<const LidarScan> scan);
+  int scans() const { return static_cast<int>(scans_.size()); }
+
+  /// Adds the deskewed points of the scans from `first_scan` on to `map` (every `stride`-th), without those on the board.
+  void fillMap(const WindowState& state, const InertialChain& chain, int first_scan, int stride, PlaneMap* map) const;
+
+  /// Associates the points of the scans from `first_scan` on anew. `map` numbers planes as `state.planes` does.
+  /// @param slack_m  uncertainty of the current estimate, added to the gate
+  void link(const WindowState& state, const InertialChain& chain, const PlaneMap& map, int first_scan, double slack_m,
+            bool board_known);
+
+  /// Adds all factors; or, with `end_node` >= 0, only those of nodes before it.
+  void accumulate(const WindowState& state, const InertialChain& chain, int end_node, ChainSystem* system) const;
+
+  /// Forgets all scans that touch nodes before `end_node`, and renumbers the nodes.
+  void dropFront(int end_node);
+
+  /// RMS distance of the linked points to their planes [m], and how many there are.
+  double planeRms() const;
+  std::size_t linkedPoints() const;
+  int boardPoints() const;
+  const LidarScan& scan(int index) const { return *scans_[static_cast<std::size_t>(index)].raw; }
+  /// Plane of every point of a scan at the last link(), -1: none.
+  const std::vector<std::int16_t>& planesOf(int index) const { return scans_[static_cast<std::size_t>(index)].plane; }
+
+ private:
+  struct Bin {
+    TimeNs stamp = 0;  // lidar clock, middle
+    int node = -1;
+    std::vector<std::pair<int, Eigen::Matrix4d>> planes;  // in order of plane number
+    Eigen::Matrix4d board = Eigen::Matrix4d::Zero();
+    int board_points = 0;
+  };
+  struct Edge {
+    TimeNs stamp = 0;
+    int node = -1;
+    Eigen::Vector3d bearing_L;
+    int outline = 0;  // index in WindowState::outline
+    double sigma_m = 0.0;
+  };
+  struct Scan {
+    std::shared_ptr<const LidarScan> raw;
+    std::vector<Bin> bins;
+    std::vector<Edge> edges;
+    std::vector<std::int16_t> plane;
+    double square_m2 = 0.0;
+    std::size_t points = 0;
+  };
+
+  template <typename Visit>
+  void forEachBin(const WindowState& state, const InertialChain& chain, const LidarScan& scan, Visit&& visit) const;
+  std::optional<BoardSegment> findBoard(const WindowState& state, const InertialChain& chain, const Scan& scan,
+                                        double slack_m) const;
+  void linkScan(const WindowState& state, const InertialChain& chain, const PlaneMap& map, double slack_m,
+                const std::optional<BoardSegment>& board, Scan* scan) const;
+  void linkEdges(const WindowState& state, const InertialChain& chain, const BoardSegment& board, Scan* scan) const;
+  void accumulateBin(const WindowState& state, const InertialChain& chain, const Bin& bin,
+                     const std::vector<Eigen::Matrix<double, 4, 3>>& tangents, ChainSystem* system) const;
+  void accumulateEdge(const WindowState& state, const InertialChain& chain, const Edge& edge,
+                      ChainSystem* system) const;
+
+  Params params_;
+  std::vector<Scan> scans_;
+};
+
+/// Brings every point of a sweep to the world with the current estimate, each at its own time.
+std::vector<Eigen::Vector3f> deskewToWorld(const LidarScan& scan, const WindowState& state,
+                                           const InertialChain& chain);
+
+}  // namespace cocalib

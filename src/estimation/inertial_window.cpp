@@ -1,0 +1,269 @@
+#include "cocalib/estimation/inertial_window.h"
+
+#include <algorithm>
+#include <cmath>
+#include <thread>
+
+#include <Eigen/Eigenvalues>
+
+#include "cocalib/visual/board_detector.h"
+
+namespace cocalib {
+namespace {
+
+constexpr double kGaugeSigma = 1e-4;      // position [m] and heading [rad] of the first node: fixed, nothing depends on them
+constexpr double kUnknownOutline = 0.05;  // m, 1 sigma, where the rig file gives no plate size
+constexpr double kMaxLambda = 1e8;
+
+void addDiagonalPrior(ChainSystem* system, int column, double error, double sigma) {
+  const double w = 1.0 / (sigma * sigma);
+  system->H_global(column, column) += w;
+  system->b_global[column] += w * error;
+  system->cost += 0.5 * w * error * error;
+}
+
+}  // namespace
+
+InertialWindow::InertialWindow(const Params& params)
+    : params_(params), chain_(params.imu_noise), plane_map_(params.plane_map) {
+  if (params.camera) camera_.emplace(*params.camera);
+  if (params.lidar) lidar_.emplace(*params.lidar);
+}
+
+void InertialWindow::reset(const NavState& first, const Calibration& calibration, double gravity) {
+  state_ = WindowState();
+  state_.nodes.push_back(first);
+  state_.calibration = calibration;
+  state_.gravity = gravity;
+  const std::optional<BoardGeometry> board = params_.camera ? params_.camera->board : std::nullopt;
+  if (board) {
+    // The pattern is centred on the plate; a plate of unknown size is guessed one square wider all around.
+    const double width = board->width_m.value_or((board->cols + 1) * board->square_m);
+    const double height = board->height_m.value_or((board->rows + 1) * board->square_m);
+    const double cx = 0.5 * (board->cols - 1) * board->square_m, cy = 0.5 * (board->rows - 1) * board->square_m;
+    state_.outline << cx - 0.5 * width, cx + 0.5 * width, cy - 0.5 * height, cy + 0.5 * height;
+  }
+  origin_ = state_;
+  origin_.gravity = 9.80665;
+  chain_ = InertialChain(params_.imu_noise);
+  if (params_.camera) camera_.emplace(*params_.camera);
+  if (params_.lidar) lidar_.emplace(*params_.lidar);
+  plane_map_.clear();
+  prior_.reset();
+  board_known_ = false;
+  linked_scans_ = 0;
+}
+
+void InertialWindow::addNode(const NavState& state) {
+  const double spacing = toSeconds(state.stamp - state_.nodes.back().stamp);
+  if (spacing < params_.max_node_spacing_s / 3.0) return;
+  state_.nodes.push_back(state);
+}
+
+void InertialWindow::extendTo(TimeNs stamp) {
+  const NavState last = state_.nodes.back();
+  const double span = toSeconds(stamp - last.stamp);
+  if (span <= 0.0 || imu_.empty() || stamp > imu_.lastStamp() || last.stamp < imu_.firstStamp()) return;
+  const int count = std::max(1, static_cast<int>(std::ceil(span / params_.max_node_spacing_s - 1e-6)));
+  std::vector<ImuSample> samples = imu_.slice(last.stamp, stamp);
+  if (samples.size() < 2) return;
+  const Preintegration segment(std::move(samples), params_.imu_noise, last.gyro_bias, last.accel_bias);
+  for (int i = 1; i <= count; ++i) {
+    const TimeNs at = i == count ? stamp : last.stamp + toNs(span * i / count);
+    addNode(propagate(segment, last, state_.gravity, at));
+  }
+}
+
+void InertialWindow::startBoard() {
+  const auto view = camera_->firstBoardView();
+  if (!view) return;
+  const auto T_C_B = estimateBoardPose(view->second, *params_.camera->board, params_.camera->camera);
+  if (!T_C_B) return;
+  const TimeNs stamp = view->first + toNs(state_.calibration.camera_time_offset_s);
+  const int node = nodeAt(state_.nodes, stamp);
+  const TimedPose imu = timedPose(chain_.segment(node), state_.nodes[static_cast<std::size_t>(node)], state_.gravity,
+                                  stamp);
+  state_.T_W_B = imu.T_W_I * state_.calibration.T_imu_camera * *T_C_B;
+  board_known_ = true;
+}
+
+void InertialWindow::relink(bool rebuild_planes, double slack_m) {
+  chain_.update(state_.nodes, imu_);
+  if (camera_) {
+    camera_->relink(state_, chain_);
+    if (!board_known_ && params_.camera->board) startBoard();
+  }
+  if (!lidar_ || lidar_->scans() == 0) return;
+  if (rebuild_planes && !prior_) {
+    constexpr std::size_t kMapPoints = 2000000;  // enough for sub-millimetre planes, a fraction of a second
+    plane_map_.clear();
+    const auto total = static_cast<std::size_t>(lidar_->scans()) * std::max<std::size_t>(1, lidar_->scan(0).points.size());
+    lidar_->fillMap(state_, chain_, 0, static_cast<int>(total / kMapPoints) + 1, &plane_map_);
+    plane_map_.extract();
+    state_.planes = plane_map_.planes();
+    linked_scans_ = 0;
+  }
+  lidar_->link(state_, chain_, plane_map_, linked_scans_, slack_m, board_known_);
+  linked_scans_ = lidar_->scans();
+}
+
+void InertialWindow::addPriors(const WindowState& state, ChainSystem* system) const {
+  using Layout = GlobalLayout;
+  // Board and planes have no prior to speak of; these only keep an unseen one regular.
+  for (int i = 0; i < 6; ++i) addDiagonalPrior(system, Layout::kBoard + i, 0.0, 1e3);
+  for (int i = Layout::kFixed; i < system->globals(); ++i) addDiagonalPrior(system, i, 0.0, 1e3);
+  if (prior_) return;  // the rest is part of it since the first marginalization
+
+  const WindowPriors& prior = params_.priors;
+  const Eigen::VectorXd d = globalMinus(state, origin_);
+  addDiagonalPrior(system, Layout::kGravity, d[Layout::kGravity], prior.gravity);
+  for (const int block : {Layout::kCamera, Layout::kLidar}) {
+    for (int i = 0; i < 3; ++i) {
+      addDiagonalPrior(system, block + i, d[block + i], prior.extrinsic_translation_m);
+      addDiagonalPrior(system, block + 3 + i, d[block + 3 + i], prior.extrinsic_rotation_rad);
+    }
+    addDiagonalPrior(system, block + 6, d[block + 6], prior.time_offset_s);
+  }
+  const bool plate_given = params_.camera && params_.camera->board && params_.camera->board->width_m &&
+                           params_.camera->board->height_m;
+  for (int i = 0; i < 4; ++i) {
+    addDiagonalPrior(system, Layout::kOutline + i, d[Layout::kOutline + i],
+                     plate_given ? prior.outline_m : kUnknownOutline);
+  }
+
+  Vector15d sigma;
+  sigma << Eigen::Vector3d::Constant(kGaugeSigma), 10.0, 10.0, kGaugeSigma, Eigen::Vector3d::Constant(100.0),
+      Eigen::Vector3d::Constant(prior.gyro_bias), Eigen::Vector3d::Constant(prior.accel_bias);
+  NavState centre = origin_.nodes.front();
+  centre.gyro_bias.setZero();
+  centre.accel_bias.setZero();
+  const Vector15d w = sigma.array().square().inverse();
+  const Vector15d error = minus(state.nodes.front(), centre);
+  system->diagonal(0).diagonal() += w;
+  system->gradient(0) += w.cwiseProduct(error);
+  system->cost += 0.5 * error.dot(w.cwiseProduct(error));
+}
+
+void InertialWindow::addMarginalPrior(const WindowState& state, ChainSystem* system) const {
+  if (!prior_) return;
+  const auto K = static_cast<Eigen::Index>(prior_->nodes.size());
+  const Eigen::Index G = prior_->H.rows() - 15 * K;
+  Eigen::VectorXd d(15 * K + G);
+  for (Eigen::Index a = 0; a < K; ++a) {
+    const auto node = static_cast<std::size_t>(prior_->nodes[static_cast<std::size_t>(a)]);
+    d.segment<15>(15 * a) = minus(state.nodes[node], prior_->base.nodes[static_cast<std::size_t>(a)]);
+  }
+  d.tail(G) = globalMinus(state, prior_->base).head(G);
+  const Eigen::VectorXd gradient = prior_->H * d + prior_->b;
+  for (Eigen::Index a = 0; a < K; ++a) {
+    const int i = prior_->nodes[static_cast<std::size_t>(a)];
+    system->diagonal(i) += prior_->H.block<15, 15>(15 * a, 15 * a);
+    system->gradient(i) += gradient.segment<15>(15 * a);
+    system->coupling(i).leftCols(G) += prior_->H.block(15 * a, 15 * K, 15, G);
+    for (Eigen::Index c = a + 1; c < K; ++c) {
+      system->offDiagonal(i, prior_->nodes[static_cast<std::size_t>(c)]) += prior_->H.block<15, 15>(15 * a, 15 * c);
+    }
+  }
+  system->H_global.topLeftCorner(G, G) += prior_->H.bottomRightCorner(G, G);
+  system->b_global.head(G) += gradient.tail(G);
+  system->cost += 0.5 * d.dot(prior_->H * d) + prior_->b.dot(d);
+}
+
+void InertialWindow::build(const WindowState& state, int end_node, ChainSystem* system) {
+  const int nodes = static_cast<int>(state.nodes.size());
+  ChainSystem visual(camera_ ? nodes : 0, camera_ ? system->globals() : 0);
+  std::thread worker;
+  if (camera_) worker = std::thread([&] { camera_->accumulate(state, chain_, end_node, &visual); });
+  chain_.accumulate(state, 0, end_node < 0 ? nodes - 2 : end_node - 1, system);
+  if (lidar_) lidar_->accumulate(state, chain_, end_node, system);
+  addPriors(state, system);
+  addMarginalPrior(state, system);
+  if (camera_) {
+    worker.join();
+    system->add(visual);
+  }
+}
+
+InertialWindow::Summary InertialWindow::optimize(int max_iterations) {
+  Summary summary;
+  const int nodes = static_cast<int>(state_.nodes.size());
+  const int globals = GlobalLayout::size(static_cast<int>(state_.planes.size()));
+  ChainSystem system(nodes, globals);
+  build(state_, -1, &system);
+  summary.first_cost = summary.last_cost = system.cost;
+  double lambda = 1e-6;
+  while (summary.iterations < max_iterations && lambda < kMaxLambda) {
+    ChainSystem::Step step;
+    if (!system.solve(lambda, &step)) {
+      lambda = std::max(10.0 * lambda, 1e-4);
+      continue;
+    }
+    ++summary.iterations;
+    const WindowState candidate = state_.plus(step);
+    if (camera_) camera_->moveLandmarks(step);
+    ChainSystem next(nodes, globals);
+    build(candidate, -1, &next);
+    if (!(next.cost <= system.cost * (1.0 + 1e-9))) {  // negated, so that NaN is refused too
+      lambda = std::max(10.0 * lambda, 1e-4);
+      if (camera_) {  // what it keeps for back-substitution must be that of the state we return to
+        camera_->revertLandmarks();
+        ChainSystem again(nodes, globals);
+        build(state_, -1, &again);
+      }
+      continue;
+    }
+    const double decrease = system.cost - next.cost;
+    state_ = candidate;
+    system = std::move(next);
+    lambda = std::max(0.1 * lambda, 1e-9);
+    if (decrease < 1e-2 && step.predicted_decrease < 1e-2) break;
+  }
+  summary.last_cost = system.cost;
+  summary.failed = lambda >= kMaxLambda;
+  return summary;
+}
+
+bool InertialWindow::calibrationCovariance(Matrix14d* covariance) {
+  ChainSystem system(static_cast<int>(state_.nodes.size()),
+                     GlobalLayout::size(static_cast<int>(state_.planes.size())));
+  build(state_, -1, &system);
+  Eigen::MatrixXd H;
+  Eigen::VectorXd b;
+  if (!system.globalInformation(&H, &b)) return false;
+  const Eigen::LLT<Eigen::MatrixXd> llt(H);
+  if (llt.info() != Eigen::Success) return false;
+  Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(H.rows(), 14);
+  for (int i = 0; i < 14; ++i) columns(GlobalLayout::calibrationColumn(i), i) = 1.0;
+  const Eigen::MatrixXd solved = llt.solve(columns);
+  for (int i = 0; i < 14; ++i) covariance->row(i) = solved.row(GlobalLayout::calibrationColumn(i));
+  *covariance = (0.5 * (*covariance + covariance->transpose())).eval();
+  return covariance->allFinite() && covariance->diagonal().minCoeff() > 0.0;
+}
+
+bool InertialWindow::marginalizeBefore(TimeNs stamp) {
+  const int count = nodeAt(state_.nodes, stamp);
+  const int nodes = static_cast<int>(state_.nodes.size());
+  if (count < 1 || count + 2 > nodes) return true;
+  ChainSystem system(nodes, GlobalLayout::size(static_cast<int>(state_.planes.size())));
+  build(state_, count, &system);
+  ChainSystem::Marginal marginal;
+  if (!system.marginalizeFront(count, &marginal)) return false;
+  Prior prior;
+  for (const int node : marginal.kept) prior.nodes.push_back(node - count);
+  state_.nodes.erase(state_.nodes.begin(), state_.nodes.begin() + count);
+  prior.base = state_;
+  prior.base.nodes.clear();
+  for (const int node : prior.nodes) prior.base.nodes.push_back(state_.nodes[static_cast<std::size_t>(node)]);
+  prior.H = std::move(marginal.H);
+  prior.b = std::move(marginal.b);
+  prior_ = std::move(prior);
+  chain_.dropFront(count);
+  if (camera_) camera_->dropFront(count);
+  if (lidar_) {
+    lidar_->dropFront(count);
+    linked_scans_ = lidar_->scans();
+  }
+  return true;
+}
+
+}  // namespace cocalib
