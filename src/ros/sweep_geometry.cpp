@@ -8,52 +8,100 @@
 namespace cocalib {
 namespace {
 
-constexpr float kPi = 3.14159265358979F;
+constexpr double kPi = 3.14159265358979323846;
 constexpr int kSectors = 36;
 constexpr int kSpinningSectors = 12;  // with fewer seen, nothing turns
-constexpr float kFiringStep = 0.1F;   // neighbours in the cloud further apart than this say nothing of the direction
-constexpr float kBackwardLimit =
-    0.5F * kPi;                           // lasers of one firing differ by less, gaps in a sweep are up to 2 pi less it
-constexpr float kRingStartMargin = 0.1F;  // rings start at slightly different azimuths
+constexpr double kFiringStep = 0.1;   // [rad] neighbours in the cloud further apart say nothing of the direction
+// Lasers of one firing lie less than this apart; a gap in the sweep may have 2 pi less it.
+constexpr double kBackwardLimit = 0.5 * kPi;
+constexpr double kStartMargin = 0.1;         // [rad] by which a ring may start ahead of the cloud's first point
+constexpr std::size_t kRingNumbers = 32769;  // -1 ... 32767
 
 constexpr int kElevationBins = 3600;  // 0.05 deg each
 constexpr int kMinRings = 4;
 constexpr int kMaxRings = 256;
-constexpr float kMaxRingWidth = 0.3F;   // [deg]
+constexpr double kMaxRingWidth = 0.3;   // [deg]
 constexpr double kMinRingShare = 0.95;  // of the points must lie on rings
 constexpr int kSineBins = 1 << 14;      // 0.007 deg at the horizon
 
-float wrap(float angle) {
-  if (angle > kPi) return angle - 2.0F * kPi;
-  return angle < -kPi ? angle + 2.0F * kPi : angle;
+double wrap(double angle) {
+  if (angle > kPi) return angle - 2.0 * kPi;
+  return angle < -kPi ? angle + 2.0 * kPi : angle;
 }
 
-std::vector<float> azimuthsOf(const std::vector<LidarPoint>& points) {
-  std::vector<float> azimuths(points.size());
+std::vector<double> azimuthsOf(const std::vector<LidarPoint>& points) {
+  std::vector<double> azimuths(points.size());
   std::transform(points.begin(), points.end(), azimuths.begin(),
-                 [](const LidarPoint& point) { return std::atan2(point.p.y(), point.p.x()); });
+                 [](const LidarPoint& point) { return static_cast<double>(std::atan2(point.p.y(), point.p.x())); });
   return azimuths;
 }
 
-int countSectors(const std::vector<float>& azimuths) {
+/// In which order the points of a sweep stand, and which way it turns.
+struct Order {
+  enum Kind { kFiring, kRingByRing, kNone } kind = kNone;
+  bool directed = false;
+  double direction = -1.0;  // most lidars turn clockwise
+};
+
+Order findOrder(const std::vector<LidarPoint>& points, const std::vector<double>& azimuths) {
+  double small_steps = 0.0;  // which way neighbours follow each other
+  double turned = 0.0;
+  for (std::size_t i = 1; i < azimuths.size(); ++i) {
+    const double step = wrap(azimuths[i] - azimuths[i - 1]);
+    turned += step;
+    if (std::abs(step) < kFiringStep) small_steps += step;
+  }
+  Order order;
+  order.directed = std::abs(small_steps) > 0.5 * kPi;
+  if (!order.directed) return order;
+  if (small_steps > 0.0) order.direction = 1.0;
+  const bool has_rings = std::any_of(points.begin(), points.end(), [](const LidarPoint& p) { return p.ring >= 0; });
+  if (std::abs(turned) < 3.0 * kPi) {
+    order.kind = Order::kFiring;
+  } else if (has_rings) {
+    order.kind = Order::kRingByRing;
+  }
+  return order;
+}
+
+/// Angle turned since the sweep's start, followed from point to point, so that it may pass 2 pi.
+class PhaseThread {
+ public:
+  explicit PhaseThread(double start_azimuth) : azimuth_(start_azimuth) {}
+
+  double advance(double azimuth, double direction) {
+    double step = direction * wrap(azimuth - azimuth_);
+    if (step < (started_ ? -kBackwardLimit : -kStartMargin)) step += 2.0 * kPi;
+    azimuth_ = azimuth;
+    started_ = true;
+    return phase_ += step;
+  }
+
+ private:
+  double azimuth_;
+  double phase_ = 0.0;
+  bool started_ = false;
+};
+
+int countSectors(const std::vector<double>& azimuths) {
   std::array<bool, kSectors> seen{};
-  for (const float azimuth : azimuths) {
-    const int sector = static_cast<int>((azimuth + kPi) / (2.0F * kPi) * kSectors);
+  for (const double azimuth : azimuths) {
+    const int sector = static_cast<int>((azimuth + kPi) / (2.0 * kPi) * kSectors);
     seen[static_cast<std::size_t>(std::clamp(sector, 0, kSectors - 1))] = true;
   }
   return static_cast<int>(std::count(seen.begin(), seen.end(), true));
 }
 
 /// Centre [deg] of every narrow heap of elevations, in rising order; empty if the points do not lie on rings.
-std::vector<float> ringElevations(const std::vector<LidarPoint>& points) {
+std::vector<double> ringElevations(const std::vector<LidarPoint>& points) {
   std::vector<int> histogram(kElevationBins, 0);
   for (const LidarPoint& point : points) {
-    const float elevation = std::atan2(point.p.z(), point.p.head<2>().norm()) * 180.0F / kPi;
-    const int bin = static_cast<int>((elevation + 90.0F) / 180.0F * kElevationBins);
+    const double elevation = std::atan2(point.p.z(), point.p.head<2>().norm()) * 180.0 / kPi;
+    const int bin = static_cast<int>((elevation + 90.0) / 180.0 * kElevationBins);
     ++histogram[static_cast<std::size_t>(std::clamp(bin, 0, kElevationBins - 1))];
   }
   const int floor = std::max<int>(3, static_cast<int>(points.size() / 2000));
-  std::vector<float> centres;
+  std::vector<double> centres;
   std::size_t on_rings = 0;
   for (int begin = 0; begin < kElevationBins;) {
     if (histogram[begin] < floor) {
@@ -66,70 +114,55 @@ std::vector<float> ringElevations(const std::vector<LidarPoint>& points) {
       weight += histogram[end];
       sum += histogram[end] * (end + 0.5);
     }
-    const float width = static_cast<float>(end - begin) * 180.0F / kElevationBins;
+    const double width = (end - begin) * 180.0 / kElevationBins;
     if (width > kMaxRingWidth) return {};
-    centres.push_back(static_cast<float>(sum / weight * 180.0 / kElevationBins - 90.0));
+    centres.push_back(sum / weight * 180.0 / kElevationBins - 90.0);
     on_rings += static_cast<std::size_t>(weight);
     begin = end;
   }
   const bool rings = static_cast<int>(centres.size()) >= kMinRings && static_cast<int>(centres.size()) <= kMaxRings &&
                      static_cast<double>(on_rings) >= kMinRingShare * static_cast<double>(points.size());
-  return rings ? centres : std::vector<float>();
+  return rings ? centres : std::vector<double>();
 }
 
 }  // namespace
 
 SweepKind timesFromAzimuth(double period_s, LidarScan* scan) {
   std::vector<LidarPoint>& points = scan->points;
-  const std::vector<float> azimuths = azimuthsOf(points);
+  const std::vector<double> azimuths = azimuthsOf(points);
   if (countSectors(azimuths) < kSpinningSectors) {
     for (LidarPoint& point : points) point.offset_s = 0.0F;
     return SweepKind::kNotSpinning;
   }
+  const Order order = findOrder(points, azimuths);
 
-  float small_steps = 0.0F;  // which way neighbours follow each other
-  float turned = 0.0F;
-  for (std::size_t i = 1; i < azimuths.size(); ++i) {
-    const float step = wrap(azimuths[i] - azimuths[i - 1]);
-    turned += step;
-    if (std::abs(step) < kFiringStep) small_steps += step;
-  }
-  const bool ordered = std::abs(small_steps) > 0.5F * kPi;
-  const float direction = ordered && small_steps > 0.0F ? 1.0F : -1.0F;
-  const bool firing_order = ordered && std::abs(turned) < 3.0F * kPi;
-
-  const float s_per_rad = static_cast<float>(period_s) / (2.0F * kPi);
-  float phase = 0.0F;
-  float earliest = 0.0F;
+  // In firing order one thread runs through the whole cloud; ring by ring, one through each ring; else there is none.
+  std::vector<PhaseThread> threads(order.kind == Order::kRingByRing ? kRingNumbers : 1, PhaseThread(azimuths[0]));
+  std::vector<double> times(points.size());
+  double earliest = 0.0;
   for (std::size_t i = 0; i < points.size(); ++i) {
-    if (firing_order && i > 0) {
-      float step = direction * wrap(azimuths[i] - azimuths[i - 1]);
-      if (step < -kBackwardLimit) step += 2.0F * kPi;
-      phase += step;
-    } else {
-      phase = direction * wrap(azimuths[i] - azimuths[0]);
-      if (phase < -kRingStartMargin) phase += 2.0F * kPi;
-    }
-    points[i].offset_s = phase * s_per_rad;
-    earliest = std::min(earliest, points[i].offset_s);
+    const std::size_t thread = order.kind == Order::kRingByRing ? static_cast<std::size_t>(points[i].ring + 1) : 0;
+    if (order.kind == Order::kNone) threads[0] = PhaseThread(azimuths[0]);
+    times[i] = threads[thread].advance(azimuths[i], order.direction) * period_s / (2.0 * kPi);
+    earliest = std::min(earliest, times[i]);
   }
-  for (LidarPoint& point : points) point.offset_s -= earliest;
-  scan->stamp += toNs(static_cast<double>(earliest));
-  if (!ordered) return SweepKind::kUnordered;
-  return direction > 0.0F ? SweepKind::kCounterclockwise : SweepKind::kClockwise;
+  for (std::size_t i = 0; i < points.size(); ++i) points[i].offset_s = static_cast<float>(times[i] - earliest);
+  scan->stamp += toNs(earliest);
+  if (!order.directed) return SweepKind::kUnordered;
+  return order.direction > 0.0 ? SweepKind::kCounterclockwise : SweepKind::kClockwise;
 }
 
 std::optional<RingTable> RingTable::build(const std::vector<LidarPoint>& points) {
-  const std::vector<float> centres = ringElevations(points);
+  const std::vector<double> centres = ringElevations(points);
   if (centres.empty()) return std::nullopt;
 
-  float spacing = std::numeric_limits<float>::infinity();
+  double spacing = std::numeric_limits<double>::infinity();
   for (std::size_t i = 1; i < centres.size(); ++i) spacing = std::min(spacing, centres[i] - centres[i - 1]);
   RingTable table;
   table.count_ = static_cast<int>(centres.size());
   table.by_sine_.assign(kSineBins, -1);
   for (int bin = 0; bin < kSineBins; ++bin) {
-    const float elevation = std::asin((static_cast<float>(bin) + 0.5F) * 2.0F / kSineBins - 1.0F) * 180.0F / kPi;
+    const double elevation = std::asin((bin + 0.5) * 2.0 / kSineBins - 1.0) * 180.0 / kPi;
     const auto next = std::lower_bound(centres.begin(), centres.end(), elevation);
     auto nearest = next == centres.end() ? std::prev(next) : next;
     if (next != centres.begin() && elevation - *std::prev(next) < std::abs(*nearest - elevation)) {
