@@ -1,16 +1,17 @@
 #pragma once
 
 #include <memory>
-#include <optional>
 
+#include "cocalib/geometry/pose.h"
+#include "cocalib/geometry/time.h"
 #include "cocalib/measurements/measurements.h"
 
 namespace cocalib {
 
 /// Lidar odometry before anything is known of the mounting: each sweep is registered to a map of planar voxels with
-/// a pose at its begin and one at its end (elastic, continuous-time within the sweep), so the deskew comes out of the
-/// registration itself. Once a gyro rotation is known it can be given and only the translation stays elastic.
-/// Not thread-safe. Deterministic.
+/// a pose at its begin, one at its end and a bow between them (elastic, continuous-time within the sweep), so the deskew
+/// comes out of the registration itself. Nothing is fed in but the points.
+/// Not thread-safe. Deterministic. Never throws on data.
 class LidarOdometry {
  public:
   struct Params {
@@ -19,6 +20,7 @@ class LidarOdometry {
     int max_iterations = 12;
     double range_noise_m = 0.03;   ///< 1 sigma
   };
+  /// @throws std::invalid_argument if a parameter is not positive
   explicit LidarOdometry(const Params& params);
   ~LidarOdometry();
 
@@ -26,14 +28,20 @@ class LidarOdometry {
   struct Result {
     TimeNs begin = 0, end = 0;  ///< first and last point, lidar clock
     Pose T_M_L_begin, T_M_L_end;
+    Vector6d bow = Vector6d::Zero();  ///< deviation from constant velocity at half time, in Pose's tangent
     double rms_m = 0.0;         ///< of the accepted point-to-plane distances
     double overlap = 0.0;       ///< accepted / used points
+    /// Whether the rotation can be relied on. Never for the first sweep (its motion is found with the second one's) and
+    /// not when little of the sweep lies on the map or when its points leave a rotation axis open.
     bool good = false;
     /// Pose at a fraction of the sweep, 0 = begin, 1 = end.
     Pose at(double fraction) const;
   };
+  /// Registers the next sweep. Sweeps come in order; when time jumps, call reset() first. An empty sweep, or one that
+  /// cannot be registered, yields the prediction with good = false.
   Result addScan(const LidarScan& scan);
 
+  /// Forgets the map and the motion.
   void reset();
 
  private:
