@@ -26,6 +26,7 @@ struct Alignment {
   std::vector<NavState> states;                           ///< one per input pose or frame, same order, IMU clock
   Eigen::Vector3d lever_arm_sigma_m = Eigen::Vector3d::Zero();  ///< 1 sigma, formal
   double residual_m = 0.0;                                ///< RMS of the position residuals
+  double time_offset_s = 0.0;                             ///< t_imu = t_sensor + time_offset, refined; the states stand at it
 };
 
 struct AlignmentParams {
