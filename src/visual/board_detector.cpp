@@ -15,7 +15,8 @@ constexpr double kMaxCoastS = 0.5;          // how long a motion is extrapolated
 constexpr double kMaxMotionGapS = 0.3;      // between two views from which a velocity is taken
 constexpr double kShiftSquares = 2.0;       // by how much a prediction may be off
 constexpr double kSearchShiftSquares = 0.0; // a search is good to a fraction of a square
-constexpr int kCoarseIterations = 4, kFineIterations = 8;
+constexpr int kCoarseIterations = 5, kFineIterations = 8;
+constexpr double kCoarseTolerancePx = 0.15, kFineTolerancePx = 0.01;
 constexpr double kMinCoarseShare = 0.6;     // of the corners, for a pose good enough to predict the others
 constexpr double kMaxCoarseRmsSquares = 0.15;
 constexpr double kMinContrast = 6.0;        // grey levels, half the step
@@ -135,7 +136,7 @@ std::optional<BoardDetector::Measurement> BoardDetector::measure(const cv::Mat& 
   std::vector<std::optional<Eigen::Vector2d>> coarse(predictions->size());
   std::size_t count = 0;
   for (std::size_t i = 0; i < coarse.size(); ++i) {
-    const auto corner = refineCorner(gray, (*predictions)[i], coarse_blur_px, false, kCoarseIterations);
+    const auto corner = refineCorner(gray, (*predictions)[i], coarse_blur_px, false, kCoarseIterations, kCoarseTolerancePx);
     if (!corner) continue;
     coarse[i] = corner->px;
     ++count;
@@ -153,7 +154,7 @@ std::optional<BoardDetector::Measurement> BoardDetector::measure(const cv::Mat& 
     CornerPrediction& prediction = (*predictions)[i];
     // Where the lens is not known exactly, the coarse fit is the better start than the pose.
     if (coarse[i] && (*coarse[i] - prediction.px).norm() < 0.2 * square_px) prediction.px = *coarse[i];
-    const auto corner = refineCorner(gray, prediction, blur_px_, true, kFineIterations);
+    const auto corner = refineCorner(gray, prediction, blur_px_, true, kFineIterations, kFineTolerancePx);
     if (!corner || !camera_.inImage(corner->px)) return std::nullopt;
     fine.push_back(*corner);
     fine_px.emplace_back(corner->px);
@@ -204,7 +205,7 @@ Pose BoardDetector::chooseTurn(const cv::Mat& gray, const Pose& found_T_C_B) {
     double contrast = 0.0;
     if (predictions) {
       for (const CornerPrediction& corner : *predictions) {
-        contrast += cornerContrast(gray, corner, Eigen::Vector2d::Zero());
+        contrast += cornerContrast(gray, corner);
       }
     }
     candidates.push_back({T_C_B, contrast, T_C_B.q.angularDistance(expected)});

@@ -6,6 +6,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
+#include <opencv2/imgproc.hpp>
 
 namespace cocalib {
 namespace {
@@ -14,10 +15,12 @@ constexpr double kMinSquarePx = 5.0;        // below, neighbouring corners blur 
 constexpr double kReachSquares = 0.42;      // the next edge stands at 1; beyond half its blur would come in
 constexpr double kMinReachPx = 3.0, kMaxReachPx = 12.0;
 constexpr double kSampleSquares = 0.3;      // where the four fields around a corner are sampled
-constexpr double kMinBlurPx = 0.25, kMaxBlurPx = 4.0;
-constexpr double kMaxStepPx = 1.5;
-constexpr double kConvergedPx = 0.003;
-constexpr double kBandSigmas = 3.0;         // beyond, an edge's profile is flat and tells nothing of its place
+constexpr double kMinBlurPx = 0.28;         // a sharp edge averaged over a pixel: sqrt(1/12)
+constexpr double kMaxBlurPx = 4.0;
+constexpr double kMaxBlurChange = 1.5;      // per iteration; a blur far too small sees no edge at all
+constexpr double kMaxStepPx = 1.0;
+constexpr double kBandSigmas = 3.0;         // beyond, an edge's profile is flat and tells nothing of its place ...
+constexpr double kMinBandPx = 1.5;          // ... but some flat pixels must tell the two grey levels
 
 /// Blurred unit step and its slope, tabulated: erf(z / sqrt 2) and its derivative.
 class EdgeProfile {
@@ -141,6 +144,8 @@ bool CornerFit::linearize(const Vector& p, bool free_blur) {
   g_.setZero();
   cost_ = weight_ = 0.0;
   const double inv_blur_x = 1.0 / p[kBlurX], inv_blur_y = 1.0 / p[kBlurY];
+  const double band_x = std::max(kBandSigmas, kMinBandPx * inv_blur_x);
+  const double band_y = std::max(kBandSigmas, kMinBandPx * inv_blur_y);
   const int n = free_blur ? kParameters : kBlurX;
   double J[kParameters];
   for (int y = y0; y <= y1; ++y) {
@@ -154,7 +159,7 @@ bool CornerFit::linearize(const Vector& p, bool free_blur) {
       // Distance to the x line (blurred by blur_x) and to the y line, in standard deviations of their blur.
       const double u = (x_normal_.x() * dx + x_normal_.y() * dy - x_bend_ * a * a) * inv_blur_x;
       const double v = (y_normal_.x() * dx + y_normal_.y() * dy - y_bend_ * b * b) * inv_blur_y;
-      if (std::abs(u) > kBandSigmas && std::abs(v) > kBandSigmas) continue;
+      if (std::abs(u) > band_x && std::abs(v) > band_y) continue;
       const EdgeProfile::Value across_x = profile.at(u), across_y = profile.at(v);
       const double pattern = across_x.step * across_y.step;
       const double to_u = p[kContrast] * across_x.slope * across_y.step * inv_blur_x;
@@ -178,7 +183,7 @@ bool CornerFit::linearize(const Vector& p, bool free_blur) {
       }
     }
   }
-  return weight_ > 3.0 * kParameters;
+  return weight_ > 2.0 * kParameters;
 }
 
 }  // namespace
@@ -210,53 +215,61 @@ std::optional<std::vector<CornerPrediction>> predictCorners(const Pose& T_C_B, c
   return predictions;
 }
 
-double cornerContrast(const cv::Mat& gray, const CornerPrediction& prediction, const Eigen::Vector2d& shift) {
-  const FieldLevels levels = sampleFields(gray, prediction, prediction.px + shift);
+double cornerContrast(const cv::Mat& gray, const CornerPrediction& prediction) {
+  const FieldLevels levels = sampleFields(gray, prediction, prediction.px);
   return levels.inside ? levels.contrast : 0.0;
 }
 
 Eigen::Vector2d findBoardShift(const cv::Mat& gray, const std::vector<CornerPrediction>& predictions,
                                double max_shift_px) {
-  const auto score = [&](const Eigen::Vector2d& shift) {
-    double sum = 0.0;
-    for (const CornerPrediction& prediction : predictions) sum += cornerContrast(gray, prediction, shift);
-    return sum;
-  };
+  // Nearest pixels are good enough to find the peak by; the fit of each corner does the rest.
+  std::vector<cv::Point> light, dark;
   double square_px = 1e9;
   for (const CornerPrediction& prediction : predictions) {
     square_px = std::min({square_px, prediction.x_edge.norm(), prediction.y_edge.norm()});
+    for (const double sign : {-kSampleSquares, kSampleSquares}) {
+      const Eigen::Vector2d same = prediction.px + sign * (prediction.x_edge + prediction.y_edge);
+      const Eigen::Vector2d other = prediction.px + sign * (prediction.x_edge - prediction.y_edge);
+      (prediction.light_diagonal ? light : dark).emplace_back(std::lround(same.x()), std::lround(same.y()));
+      (prediction.light_diagonal ? dark : light).emplace_back(std::lround(other.x()), std::lround(other.y()));
+    }
   }
+  const cv::Rect inside(0, 0, gray.cols, gray.rows);
+  const cv::Rect light_box = cv::boundingRect(light), dark_box = cv::boundingRect(dark);
+  const int stride = static_cast<int>(gray.step);
+  const auto score = [&](const cv::Point& shift) {
+    int sum = 0;
+    const cv::Rect box = (light_box | dark_box) + shift;
+    const bool all_inside = (box & inside) == box;
+    const std::uint8_t* origin = gray.data + shift.y * stride + shift.x;
+    for (std::size_t i = 0; i < light.size(); ++i) {
+      if (!all_inside && !(inside.contains(light[i] + shift) && inside.contains(dark[i] + shift))) continue;
+      sum += origin[light[i].y * stride + light[i].x] - origin[dark[i].y * stride + dark[i].x];
+    }
+    return sum;
+  };
+  cv::Point best(0, 0);
+  int best_score = score(best);
   // The score falls off over about a third of a square: no coarser step may jump over its peak.
-  double step = std::max(1.0, 0.2 * square_px);
-  Eigen::Vector2d best = Eigen::Vector2d::Zero();
-  double best_score = score(best);
-  const int count = static_cast<int>(std::ceil(max_shift_px / step));
-  for (int iy = -count; iy <= count; ++iy) {
-    for (int ix = -count; ix <= count; ++ix) {
-      const Eigen::Vector2d shift(ix * step, iy * step);
-      const double value = score(shift);
-      if (value > best_score) {
+  int step = std::max(1, static_cast<int>(0.2 * square_px));
+  int count = static_cast<int>(std::ceil(max_shift_px / step));
+  for (; step > 0; step /= 2, count = 1) {
+    const cv::Point center = best;
+    for (int iy = -count; iy <= count; ++iy) {
+      for (int ix = -count; ix <= count; ++ix) {
+        const cv::Point shift = center + cv::Point(ix * step, iy * step);
+        const int value = score(shift);
+        if (value <= best_score) continue;
         best_score = value;
         best = shift;
       }
     }
   }
-  for (step *= 0.5; step > 0.4; step *= 0.5) {
-    const Eigen::Vector2d center = best;
-    for (int k = 0; k < 9; ++k) {
-      const Eigen::Vector2d shift = center + step * Eigen::Vector2d(k % 3 - 1, k / 3 - 1);
-      const double value = score(shift);
-      if (value > best_score) {
-        best_score = value;
-        best = shift;
-      }
-    }
-  }
-  return best;
+  return {best.x, best.y};
 }
 
 std::optional<RefinedCorner> refineCorner(const cv::Mat& gray, const CornerPrediction& prediction,
-                                          double start_blur_px, bool free_blur, int iterations) {
+                                          double start_blur_px, bool free_blur, int iterations, double tolerance_px) {
   const FieldLevels levels = sampleFields(gray, prediction, prediction.px);
   if (!levels.inside) return std::nullopt;
   const double sign = prediction.light_diagonal ? 1.0 : -1.0;
@@ -271,10 +284,14 @@ std::optional<RefinedCorner> refineCorner(const cv::Mat& gray, const CornerPredi
     if (!step.allFinite()) return std::nullopt;
     const double length = step.head<2>().norm();
     if (length > kMaxStepPx) step.head<2>() *= kMaxStepPx / length;
+    const Eigen::Vector2d blur = p.tail<2>();
     p += step;
-    p.tail<2>() = p.tail<2>().cwiseMax(kMinBlurPx).cwiseMin(kMaxBlurPx);
+    for (int k = 0; k < 2; ++k) {
+      const double change = std::clamp(p[CornerFit::kBlurX + k] / blur[k], 1.0 / kMaxBlurChange, kMaxBlurChange);
+      p[CornerFit::kBlurX + k] = std::clamp(change * blur[k], kMinBlurPx, kMaxBlurPx);
+    }
     if ((p.head<2>() - prediction.px).norm() > max_shift || sign * p[CornerFit::kContrast] <= 0.0) return std::nullopt;
-    if (length < kConvergedPx) break;
+    if (length < tolerance_px) break;
   }
   return RefinedCorner{p.head<2>(), sign * p[CornerFit::kContrast], 0.5 * (p[CornerFit::kBlurX] + p[CornerFit::kBlurY]),
                        fit.residualRms()};

@@ -38,9 +38,9 @@ std::optional<std::vector<CornerPrediction>> predictCorners(const Pose& T_C_B, c
 
 /// Difference (light - dark) / 2 of the four squares around a corner as predicted, from four samples [grey levels];
 /// negative where light and dark are swapped. Zero where a sample falls outside the picture.
-double cornerContrast(const cv::Mat& gray, const CornerPrediction& prediction, const Eigen::Vector2d& shift);
+double cornerContrast(const cv::Mat& gray, const CornerPrediction& prediction);
 
-/// The one shift of the whole board, within max_shift_px, under which its corners fit the picture best. Light and dark
+/// The one shift of the whole board, within max_shift_px and to about a pixel, under which its corners fit the picture best. Light and dark
 /// fields count with their sign, hence a shift by one square scores worst and one by a diagonal loses a row and a column.
 Eigen::Vector2d findBoardShift(const cv::Mat& gray, const std::vector<CornerPrediction>& predictions,
                                double max_shift_px);
@@ -49,8 +49,9 @@ Eigen::Vector2d findBoardShift(const cv::Mat& gray, const std::vector<CornerPred
 /// slope of the light; the window follows the board's lines and reaches 0.42 of a square (3 to 12 px) each way.
 /// @param start_blur_px   first guess of the blur [px, 1 sigma]
 /// @param free_blur       estimate the blur; otherwise it stays, which converges from further away
+/// @param tolerance_px    the fit ends with the first step shorter than this
 /// @return nothing where the fit diverges, leaves the window or the picture
 std::optional<RefinedCorner> refineCorner(const cv::Mat& gray, const CornerPrediction& prediction,
-                                          double start_blur_px, bool free_blur, int iterations);
+                                          double start_blur_px, bool free_blur, int iterations, double tolerance_px);
 
 }  // namespace cocalib

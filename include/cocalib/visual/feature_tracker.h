@@ -4,6 +4,7 @@
 #include <vector>
 
 #include <opencv2/core/mat.hpp>
+#include <opencv2/core/types.hpp>
 
 #include "cocalib/measurements/measurements.h"
 #include "cocalib/sensors/camera_model.h"
@@ -11,7 +12,8 @@
 namespace cocalib {
 
 /// Grid-balanced KLT tracks of natural features, predicted by the gyro once the mounting is known.
-/// Not thread-safe. Deterministic.
+/// Outliers go by an epipolar RANSAC (over the direction of translation alone where the rotation is given).
+/// Not thread-safe. Deterministic, whatever OpenCV's number of threads. Never throws on data.
 class FeatureTracker {
  public:
   struct Params {
@@ -21,6 +23,7 @@ class FeatureTracker {
     double max_forward_backward_px = 0.5;
     double ransac_px = 1.5;                  ///< epipolar threshold
   };
+  /// @throws std::invalid_argument for parameters that are not positive
   FeatureTracker(const CameraModel& camera, const Params& params);
 
   /// Tracks into the next picture and tops up with new corners. Tracks keep their id while they live.
@@ -34,9 +37,24 @@ class FeatureTracker {
   void reset();
 
  private:
+  struct Track {
+    std::uint32_t id = 0;
+    cv::Point2f px;
+    Eigen::Vector3d bearing;  // unit, in the camera frame
+  };
+
+  std::vector<cv::Point2f> predict(const std::optional<Eigen::Quaterniond>& R_Cnow_Cprev) const;
+  std::vector<Track> follow(const std::vector<cv::Mat>& pyramid,
+                            const std::optional<Eigen::Quaterniond>& R_Cnow_Cprev) const;
+  void topUp(const cv::Mat& gray, const std::vector<Eigen::Vector2f>& mask_px);
+  void topUpCell(const cv::Mat& gray, const cv::Rect& cell, std::size_t wanted, const std::vector<cv::Point2f>& mask);
+
   CameraModel camera_;
   Params params_;
-  // The helper that implements this file may add private members.
+  std::vector<Track> tracks_;     // in the previous picture
+  std::vector<cv::Mat> pyramid_;  // of the previous picture
+  std::uint32_t next_id_ = 0;
+  int next_cell_ = 0;             // where topUp() goes on
 };
 
 /// Relative rotation p_b = R p_a between two pictures from their common tracks (essential matrix by RANSAC, falling back to

@@ -1,0 +1,209 @@
+#include "cocalib/visual/feature_tracker.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include <opencv2/imgproc.hpp>
+#include <opencv2/video/tracking.hpp>
+
+#include "cocalib/visual/two_view.h"
+
+namespace cocalib {
+namespace {
+
+const cv::Size kWindow(15, 15);
+constexpr int kPyramidLevels = 3;
+constexpr int kPredictedLevels = 2;        // a gyro's prediction is off by parallax only
+constexpr int kBackwardLevels = 1;         // starts where it should end
+constexpr double kMinEigenvalue = 1e-4;    // of the tracker's gradient matrix: texture lost
+constexpr double kBorderPx = 8.0;          // half a window
+constexpr std::size_t kMinEpipolarPairs = 12;
+constexpr double kRotationRansacPx = 8.0;  // tolerates parallax
+constexpr double kMinInlierShare = 0.6;    // below, the start of the refinement was wrong
+constexpr int kCellsPerPicture = 10;       // topped up, while there are tracks
+constexpr int kCornerBlock = 5;
+// Least gradient of a corner in its weaker direction [grey levels / px], as cv::cornerMinEigenVal scales it.
+constexpr double kMinGradient = 3.0;
+constexpr double kMinCorner = 4.0 * kMinGradient * kMinGradient / (255.0 * 255.0);
+
+cv::TermCriteria iterations(int count, double step_px) {
+  return cv::TermCriteria(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, count, step_px);
+}
+
+/// Which pairs obey one epipolar geometry; all, where there are too few to tell.
+std::vector<bool> epipolarInliers(const BearingPairs& pairs, const std::optional<Eigen::Quaterniond>& R_b_a,
+                                  double threshold_rad, double px_rad) {
+  std::vector<bool> inliers(pairs.size(), true);
+  if (pairs.size() < kMinEpipolarPairs) return inliers;
+  const auto mark = [&](const TwoViewMotion& motion) {
+    std::size_t count = 0;
+    for (std::size_t i = 0; i < pairs.size(); ++i) {
+      inliers[i] = std::abs(epipolarError(motion, pairs.a[i], pairs.b[i])) < threshold_rad;
+      count += inliers[i];
+    }
+    return static_cast<double>(count) >= kMinInlierShare * static_cast<double>(pairs.size());
+  };
+  const auto R = R_b_a ? R_b_a : robustRotation(pairs, kRotationRansacPx * px_rad);
+  if (R) {
+    // A rotation that is only guessed needs room for its error.
+    const auto start = robustTranslation(pairs, *R, R_b_a ? threshold_rad : 3.0 * threshold_rad);
+    if (start && mark(R_b_a ? *start : refineMotion(pairs, *start, 0.5 * threshold_rad))) return inliers;
+  }
+  if (const auto start = essentialMotion(pairs, threshold_rad)) {
+    mark(refineMotion(pairs, *start, 0.5 * threshold_rad));
+  } else {
+    std::fill(inliers.begin(), inliers.end(), true);
+  }
+  return inliers;
+}
+
+}  // namespace
+
+FeatureTracker::FeatureTracker(const CameraModel& camera, const Params& params) : camera_(camera), params_(params) {
+  if (params.max_features < 1 || params.grid_cols < 1 || params.grid_rows < 1) {
+    throw std::invalid_argument("max_features, grid_cols and grid_rows must be >= 1");
+  }
+  if (!(params.min_distance_px >= 1.0) || !(params.max_forward_backward_px > 0.0) || !(params.ransac_px > 0.0)) {
+    throw std::invalid_argument("min_distance_px must be >= 1, max_forward_backward_px and ransac_px > 0");
+  }
+}
+
+void FeatureTracker::reset() {
+  tracks_.clear();
+  pyramid_.clear();
+}
+
+std::vector<TrackObservation> FeatureTracker::track(const ImageFrame& image,
+                                                    const std::optional<Eigen::Quaterniond>& R_Cnow_Cprev,
+                                                    const std::vector<Eigen::Vector2f>& mask_px) {
+  if (image.gray.type() != CV_8UC1 || image.gray.cols != camera_.width() || image.gray.rows != camera_.height()) {
+    reset();
+    return {};
+  }
+  std::vector<cv::Mat> pyramid;
+  cv::buildOpticalFlowPyramid(image.gray, pyramid, kWindow, kPyramidLevels, true, cv::BORDER_REFLECT_101,
+                              cv::BORDER_CONSTANT, false);  // own copy: the caller may reuse the picture's memory
+  tracks_ = tracks_.empty() ? std::vector<Track>() : follow(pyramid, R_Cnow_Cprev);
+  topUp(image.gray, mask_px);
+  pyramid_ = std::move(pyramid);
+  std::vector<TrackObservation> observations;
+  observations.reserve(tracks_.size());
+  for (const Track& track : tracks_) observations.push_back({track.id, {track.px.x, track.px.y}});
+  return observations;
+}
+
+std::vector<cv::Point2f> FeatureTracker::predict(const std::optional<Eigen::Quaterniond>& R_Cnow_Cprev) const {
+  std::vector<cv::Point2f> predicted;
+  for (const Track& track : tracks_) {
+    predicted.push_back(track.px);
+    if (!R_Cnow_Cprev) continue;
+    const auto px = camera_.project(*R_Cnow_Cprev * track.bearing);
+    if (px && camera_.inImage(*px)) predicted.back() = cv::Point2f(px->cast<float>().x(), px->cast<float>().y());
+  }
+  return predicted;
+}
+
+std::vector<FeatureTracker::Track> FeatureTracker::follow(
+    const std::vector<cv::Mat>& pyramid, const std::optional<Eigen::Quaterniond>& R_Cnow_Cprev) const {
+  std::vector<cv::Point2f> before, now = predict(R_Cnow_Cprev);
+  for (const Track& track : tracks_) before.push_back(track.px);
+  std::vector<cv::Point2f> back = before;
+  std::vector<std::uint8_t> found, found_back;
+  const int levels = R_Cnow_Cprev ? kPredictedLevels : kPyramidLevels;
+  cv::calcOpticalFlowPyrLK(pyramid_, pyramid, before, now, found, cv::noArray(), kWindow, levels,
+                           iterations(20, 0.01), cv::OPTFLOW_USE_INITIAL_FLOW, kMinEigenvalue);
+  cv::calcOpticalFlowPyrLK(pyramid, pyramid_, now, back, found_back, cv::noArray(), kWindow, kBackwardLevels,
+                           iterations(10, 0.02), cv::OPTFLOW_USE_INITIAL_FLOW, kMinEigenvalue);
+  std::vector<Track> tracks;
+  BearingPairs pairs;
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    if (!found[i] || !found_back[i]) continue;
+    if (!(cv::norm(back[i] - before[i]) <= params_.max_forward_backward_px)) continue;
+    const Eigen::Vector2d px(now[i].x, now[i].y);
+    if (!camera_.inImage(px, kBorderPx)) continue;
+    const auto bearing = camera_.unproject(px);
+    if (!bearing) continue;
+    tracks.push_back({tracks_[i].id, now[i], *bearing});
+    pairs.a.push_back(tracks_[i].bearing);
+    pairs.b.push_back(*bearing);
+  }
+  const double px_rad = 1.0 / camera_.focalPx();
+  const std::vector<bool> inliers = epipolarInliers(pairs, R_Cnow_Cprev, params_.ransac_px * px_rad, px_rad);
+  std::vector<Track> kept;
+  for (std::size_t i = 0; i < tracks.size(); ++i) {
+    if (inliers[i]) kept.push_back(tracks[i]);
+  }
+  return kept;
+}
+
+void FeatureTracker::topUp(const cv::Mat& gray, const std::vector<Eigen::Vector2f>& mask_px) {
+  std::vector<cv::Point2f> mask;
+  for (const Eigen::Vector2f& px : mask_px) mask.emplace_back(px.x(), px.y());
+  const int cell_count = params_.grid_cols * params_.grid_rows;
+  const auto boundary = [](int i, int n, int size) { return static_cast<int>(static_cast<std::int64_t>(i) * size / n); };
+  std::vector<std::size_t> occupied(cell_count, 0);
+  for (const Track& track : tracks_) {
+    const int col = std::clamp(static_cast<int>(track.px.x * params_.grid_cols / gray.cols), 0, params_.grid_cols - 1);
+    const int row = std::clamp(static_cast<int>(track.px.y * params_.grid_rows / gray.rows), 0, params_.grid_rows - 1);
+    ++occupied[row * params_.grid_cols + col];
+  }
+  const std::size_t per_cell = (params_.max_features + cell_count - 1) / cell_count;
+  // A share of the cells a picture, in turn, so that cells without texture do not cost time in every picture.
+  int budget = tracks_.empty() ? cell_count : std::min(kCellsPerPicture, cell_count);
+  for (int k = 0; k < cell_count && budget > 0; ++k) {
+    const int cell = next_cell_;
+    next_cell_ = (next_cell_ + 1) % cell_count;
+    const std::size_t room = params_.max_features - std::min<std::size_t>(params_.max_features, tracks_.size());
+    if (room == 0) break;
+    if (occupied[cell] >= per_cell) continue;
+    --budget;
+    const int col = cell % params_.grid_cols, row = cell / params_.grid_cols;
+    const cv::Point first(boundary(col, params_.grid_cols, gray.cols), boundary(row, params_.grid_rows, gray.rows));
+    const cv::Point end(boundary(col + 1, params_.grid_cols, gray.cols), boundary(row + 1, params_.grid_rows, gray.rows));
+    topUpCell(gray, cv::Rect(first, end), std::min(room, per_cell - occupied[cell]), mask);
+  }
+}
+
+void FeatureTracker::topUpCell(const cv::Mat& gray, const cv::Rect& cell, std::size_t wanted,
+                               const std::vector<cv::Point2f>& mask) {
+  if (cell.width < 3 || cell.height < 3) return;
+  cv::Mat strength;
+  cv::cornerMinEigenVal(gray(cell), strength, kCornerBlock, 3);
+  struct Corner {
+    float strength;
+    cv::Point px;
+  };
+  std::vector<Corner> corners;
+  for (int y = 1; y + 1 < strength.rows; ++y) {
+    const float *above = strength.ptr<float>(y - 1), *row = strength.ptr<float>(y), *below = strength.ptr<float>(y + 1);
+    for (int x = 1; x + 1 < strength.cols; ++x) {
+      const float value = row[x];
+      if (value < kMinCorner || value < row[x - 1] || value <= row[x + 1] || value < above[x - 1] ||
+          value < above[x] || value < above[x + 1] || value <= below[x - 1] || value <= below[x] ||
+          value <= below[x + 1]) {
+        continue;
+      }
+      corners.push_back({value, cell.tl() + cv::Point(x, y)});
+    }
+  }
+  std::stable_sort(corners.begin(), corners.end(), [](const auto& a, const auto& b) { return a.strength > b.strength; });
+  const double min_distance2 = params_.min_distance_px * params_.min_distance_px;
+  for (const Corner& corner : corners) {
+    if (wanted == 0) return;
+    const cv::Point2f px = corner.px;
+    if (!camera_.inImage({px.x, px.y}, kBorderPx)) continue;
+    if (mask.size() >= 3 && cv::pointPolygonTest(mask, px, false) >= 0.0) continue;
+    const bool crowded = std::any_of(tracks_.begin(), tracks_.end(), [&](const Track& track) {
+      const cv::Point2f d = track.px - px;
+      return static_cast<double>(d.dot(d)) < min_distance2;
+    });
+    if (crowded) continue;
+    const auto bearing = camera_.unproject({px.x, px.y});
+    if (!bearing) continue;
+    tracks_.push_back({next_id_++, px, *bearing});
+    --wanted;
+  }
+}
+
+}  // namespace cocalib
