@@ -13,7 +13,7 @@ namespace cocalib {
 /// Overrides of what the point-cloud reader recognises by itself; empty: recognise.
 struct PointTimeOverride {
   std::string field;  ///< name of the field that carries the time of a point; "none": there is none
-  std::string unit;   ///< "s" | "us" | "ns"
+  std::string unit;   ///< "s" | "ms" | "us" | "ns"
   std::string stamp;  ///< the header stamp is the time of the "first" | "last" point
 };
 
