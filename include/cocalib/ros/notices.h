@@ -1,0 +1,39 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace cocalib {
+
+/// What a pipeline has to tell the user: counters for diagnostics, and lines to be said once each. Not thread-safe.
+class Notices {
+ public:
+  /// Counts an event, e.g. "images refused".
+  void count(const std::string& what) { ++counts_[what]; }
+
+  /// Queues a line unless it was queued before; after 32 different ones no more are taken (a broken driver can make
+  /// every message differ).
+  void say(const std::string& line) {
+    constexpr std::size_t kMostLines = 32;
+    if (said_.size() < kMostLines && said_.insert(line).second) fresh_.push_back(line);
+  }
+
+  /// Lines that have not been taken yet.
+  std::vector<std::string> take() { return std::exchange(fresh_, {}); }
+  const std::map<std::string, std::uint64_t>& counts() const { return counts_; }
+  std::uint64_t counted(const std::string& what) const {
+    const auto found = counts_.find(what);
+    return found == counts_.end() ? 0 : found->second;
+  }
+
+ private:
+  std::map<std::string, std::uint64_t> counts_;
+  std::set<std::string> said_;
+  std::vector<std::string> fresh_;
+};
+
+}  // namespace cocalib

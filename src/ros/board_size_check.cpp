@@ -1,0 +1,42 @@
+#include "cocalib/ros/board_size_check.h"
+
+#include <algorithm>
+
+#include <opencv2/calib3d.hpp>
+
+namespace cocalib {
+namespace {
+
+constexpr TimeNs kPeriodNs = 1'000'000'000;
+constexpr int kAgreeing = 3;   // pictures that must say the same
+constexpr int kMostLooks = 30; // after that there is no board in this recording
+
+/// Longer side first: which side is which depends on how the board is held.
+cv::Size sorted(int a, int b) { return {std::max(a, b), std::min(a, b)}; }
+
+/// Inner corners of any chessboard of at least 3 x 3 in the picture.
+std::optional<cv::Size> findAnyBoard(const cv::Mat& gray) {
+  cv::Mat corners, cells;
+  const bool found = cv::findChessboardCornersSB(gray, {3, 3}, corners,
+                                                 cv::CALIB_CB_LARGER | cv::CALIB_CB_EXHAUSTIVE, cells);
+  if (!found || cells.rows < 3 || cells.cols < 3) return std::nullopt;
+  return sorted(cells.cols, cells.rows);
+}
+
+}  // namespace
+
+std::optional<std::string> BoardSizeCheck::look(const ImageFrame& image) {
+  if (finished_ || looks_ >= kMostLooks) return std::nullopt;
+  if (last_look_ && image.stamp - *last_look_ < kPeriodNs) return std::nullopt;
+  last_look_ = image.stamp;
+  ++looks_;
+  const std::optional<cv::Size> size = findAnyBoard(image.gray);
+  if (!size || *size == sorted(board_.cols, board_.rows)) return std::nullopt;
+  found_.push_back(*size);
+  if (std::count(found_.begin(), found_.end(), *size) < kAgreeing) return std::nullopt;
+  finished_ = true;
+  return "the board in the pictures has " + std::to_string(size->width) + " x " + std::to_string(size->height) +
+         " inner corners, not " + std::to_string(board_.cols) + " x " + std::to_string(board_.rows);
+}
+
+}  // namespace cocalib

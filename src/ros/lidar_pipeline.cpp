@@ -1,0 +1,83 @@
+#include "cocalib/ros/lidar_pipeline.h"
+
+#include <stdexcept>
+
+#include "cocalib/ros/conversions.h"
+#include "cocalib/ros/imu_reader.h"
+
+namespace cocalib {
+namespace {
+
+const RigConfig::Lidar& lidarOf(const RigConfig& rig) {
+  if (!rig.lidar) throw std::invalid_argument(rig.file + ": the rig has no lidar");
+  return *rig.lidar;
+}
+
+LidarInertialParams withRangeNoise(LidarInertialParams params, double range_noise_m) {
+  params.range_noise_m = range_noise_m;
+  return params;
+}
+
+}  // namespace
+
+LidarPipeline::LidarPipeline(const RigConfig& rig, LidarInertialParams params)
+    : topic_(lidarOf(rig).topic),
+      reader_(*rig.lidar),
+      calibrator_(withRangeNoise(params, rig.lidar->range_noise_m), rig.imu.noise, rig.guess_T_imu_lidar) {}
+
+void LidarPipeline::addImu(const sensor_msgs::Imu& msg) {
+  std::string problem;
+  const std::optional<ImuSample> sample = readImu(msg, &problem);
+  if (!sample) {
+    notices_.count("imu samples refused");
+    notices_.say("imu: " + problem);
+    return;
+  }
+  const StreamGuard::Verdict verdict = guard_.onImu(sample->stamp);
+  if (verdict == StreamGuard::Verdict::kDrop) return notices_.count("imu samples out of order");
+  if (verdict == StreamGuard::Verdict::kRestart) {
+    notices_.count("restarts");
+    calibrator_.reset();
+  }
+  calibrator_.addImu(*sample);
+}
+
+void LidarPipeline::reset() {
+  guard_.reset();
+  calibrator_.reset();
+}
+
+std::vector<LidarKeyframe> LidarPipeline::addCloud(const sensor_msgs::PointCloud2& msg) {
+  notices_.count("clouds");
+  if (!guard_.accepts(toTimeNs(msg.header.stamp))) {
+    notices_.count("clouds out of time");
+    notices_.say(topic_ + ": stamps are seconds away from those of the IMU; are the clocks synchronised?");
+    return {};
+  }
+  std::string problem;
+  const std::optional<LidarScan> scan = reader_.read(msg, &problem);
+  if (!scan || scan->points.empty()) {
+    notices_.count("clouds refused");
+    last_problem_ = scan ? "no usable point" : problem;
+    notices_.say(topic_ + ": " + last_problem_);
+    return {};
+  }
+  if (!reader_.description().empty()) notices_.say(topic_ + ": " + reader_.description());
+  if (!reader_.warning().empty()) notices_.say(topic_ + ": " + reader_.warning());
+  return calibrator_.addScan(*scan);
+}
+
+std::optional<std::string> LidarPipeline::inputProblem() const {
+  const std::uint64_t clouds = notices_.counted("clouds");
+  if (clouds == 0 || notices_.counted("clouds refused") < clouds) return std::nullopt;
+  return topic_ + ": none of " + std::to_string(clouds) + " clouds can be used: " + last_problem_;
+}
+
+CalibratorDiagnostics LidarPipeline::diagnostics() const {
+  CalibratorDiagnostics diagnostics = calibrator_.diagnostics();
+  for (const auto& [what, number] : notices_.counts()) diagnostics.counts[what] = number;
+  diagnostics.counts["points dropped"] = reader_.droppedPoints();
+  return diagnostics;
+}
+
+}  // namespace cocalib

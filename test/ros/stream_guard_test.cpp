@@ -1,0 +1,52 @@
+#include <gtest/gtest.h>
+
+#include "cocalib/ros/notices.h"
+#include "cocalib/ros/stream_guard.h"
+
+namespace cocalib {
+namespace {
+
+using Verdict = StreamGuard::Verdict;
+constexpr TimeNs kStart = 1'700'000'000'000'000'000;
+
+TEST(StreamGuard, RepeatedAndLateSamplesAreDroppedALoopRestarts) {
+  StreamGuard guard;
+  EXPECT_EQ(guard.onImu(kStart), Verdict::kGood);
+  EXPECT_EQ(guard.onImu(kStart + toNs(30.0)), Verdict::kGood);
+  EXPECT_EQ(guard.onImu(kStart + toNs(30.0)), Verdict::kDrop);
+  EXPECT_EQ(guard.onImu(kStart + toNs(29.5)), Verdict::kDrop);
+  EXPECT_EQ(guard.onImu(kStart), Verdict::kRestart);
+  EXPECT_EQ(guard.onImu(kStart + 1), Verdict::kGood);
+}
+
+TEST(StreamGuard, LeftOversOfTheRunBeforeAreRecognised) {
+  StreamGuard guard;
+  EXPECT_TRUE(guard.accepts(kStart));  // nothing known yet
+  guard.onImu(kStart);
+  guard.onImu(kStart + toNs(60.0));
+  EXPECT_TRUE(guard.accepts(kStart + toNs(59.0)));
+  guard.onImu(kStart);
+  EXPECT_FALSE(guard.accepts(kStart + toNs(59.0)));
+  EXPECT_TRUE(guard.accepts(kStart - toNs(0.1)));
+  guard.reset();
+  guard.onImu(kStart + toNs(100.0));
+  EXPECT_FALSE(guard.accepts(kStart + toNs(59.0)));
+}
+
+TEST(Notices, SaysEveryLineOnceAndNotWithoutEnd) {
+  Notices notices;
+  notices.say("a");
+  notices.say("a");
+  EXPECT_EQ(notices.take(), std::vector<std::string>{"a"});
+  notices.say("a");
+  EXPECT_TRUE(notices.take().empty());
+  for (int i = 0; i < 1000; ++i) notices.say(std::to_string(i));
+  EXPECT_LT(notices.take().size(), 50U);
+  notices.count("x");
+  notices.count("x");
+  EXPECT_EQ(notices.counted("x"), 2U);
+  EXPECT_EQ(notices.counted("y"), 0U);
+}
+
+}  // namespace
+}  // namespace cocalib
