@@ -13,7 +13,7 @@ namespace cocalib {
 struct CameraGroup::Sums {
   explicit Sums(std::size_t frames)
       : H(frames, Matrix6d::Zero()), b(frames, Vector6d::Zero()), pairs(frames) {}
-  const std::vector<SensorPose>* poses = nullptr;
+  const std::vector<TimedSensorPose>* poses = nullptr;
   std::vector<Matrix6d> H;
   std::vector<Vector6d> b;
   std::vector<std::map<int, Matrix6d>> pairs;  // [i][j], i < j
@@ -42,11 +42,11 @@ std::optional<std::pair<TimeNs, BoardObservation>> CameraGroup::firstBoardView()
   return std::nullopt;
 }
 
-std::vector<SensorPose> CameraGroup::cameraPoses(const WindowState& state, const InertialChain& chain) const {
-  std::vector<SensorPose> poses;
+std::vector<TimedSensorPose> CameraGroup::cameraPoses(const WindowState& state, const InertialChain& chain) const {
+  std::vector<TimedSensorPose> poses;
   poses.reserve(frames_.size());
   for (const Frame& frame : frames_) {
-    poses.push_back(sensorPose(chain.segment(frame.node), state.nodes[static_cast<std::size_t>(frame.node)],
+    poses.push_back(timedSensorPose(chain.segment(frame.node), state.nodes[static_cast<std::size_t>(frame.node)],
                                state.gravity, state.calibration.T_imu_camera, state.calibration.camera_time_offset_s,
                                frame.stamp));
   }
@@ -56,7 +56,7 @@ std::vector<SensorPose> CameraGroup::cameraPoses(const WindowState& state, const
 void CameraGroup::relink(const WindowState& state, const InertialChain& chain) {
   const TimeNs offset = toNs(state.calibration.camera_time_offset_s);
   for (Frame& frame : frames_) frame.node = nodeAt(state.nodes, frame.stamp + offset);
-  const std::vector<SensorPose> poses = cameraPoses(state, chain);
+  const std::vector<TimedSensorPose> poses = cameraPoses(state, chain);
   for (auto& entry : landmarks_) {
     Landmark& landmark = entry.second;
     if (!landmark.ready && landmark.observations.size() >= 3) triangulate(&landmark, poses);
@@ -163,7 +163,7 @@ Eigen::Matrix3d landmarkJacobian(const Pose& T_W_A, const Eigen::Vector3d& uv_rh
 
 }  // namespace
 
-void CameraGroup::triangulate(Landmark* landmark, const std::vector<SensorPose>& poses) const {
+void CameraGroup::triangulate(Landmark* landmark, const std::vector<TimedSensorPose>& poses) const {
   Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
   Eigen::Vector3d b = Eigen::Vector3d::Zero();
   const Observation& middle = landmark->observations[landmark->observations.size() / 2];
@@ -190,7 +190,7 @@ void CameraGroup::triangulate(Landmark* landmark, const std::vector<SensorPose>&
   landmark->ready = true;
 }
 
-void CameraGroup::gate(Landmark* landmark, const std::vector<SensorPose>& poses) const {
+void CameraGroup::gate(Landmark* landmark, const std::vector<TimedSensorPose>& poses) const {
   const Eigen::Vector3d p_W = landmarkPoint(landmark->T_W_A, landmark->uv_rho);
   for (Observation& o : landmark->observations) {
     const auto f = reprojection(poses[static_cast<std::size_t>(o.frame)].T_W_S, p_W, o.px, params_.track_sigma_px,

@@ -10,8 +10,8 @@
 namespace cocalib {
 namespace {
 
-SensorPose lidarPose(const WindowState& state, const InertialChain& chain, int node, TimeNs stamp) {
-  return sensorPose(chain.segment(node), state.nodes[static_cast<std::size_t>(node)], state.gravity,
+TimedSensorPose lidarPose(const WindowState& state, const InertialChain& chain, int node, TimeNs stamp) {
+  return timedSensorPose(chain.segment(node), state.nodes[static_cast<std::size_t>(node)], state.gravity,
                     state.calibration.T_imu_lidar, state.calibration.lidar_time_offset_s, stamp);
 }
 
@@ -44,7 +44,7 @@ void LidarGroup::accumulate(const WindowState& state, const InertialChain& chain
 void LidarGroup::accumulateBin(const WindowState& state, const InertialChain& chain, const Bin& bin,
                                const std::vector<Eigen::Matrix<double, 4, 3>>& tangents, ChainSystem* system) const {
   constexpr int kL = GlobalLayout::kLidar, kB = GlobalLayout::kBoard;
-  const SensorPose pose = lidarPose(state, chain, bin.node, bin.stamp);
+  const TimedSensorPose pose = lidarPose(state, chain, bin.node, bin.stamp);
   Matrix6d H = Matrix6d::Zero();
   Vector6d b = Vector6d::Zero();
   for (const auto& [index, moment] : bin.planes) {
@@ -76,7 +76,7 @@ void LidarGroup::accumulateBin(const WindowState& state, const InertialChain& ch
 void LidarGroup::accumulateEdge(const WindowState& state, const InertialChain& chain, const Edge& edge,
                                 ChainSystem* system) const {
   constexpr int kL = GlobalLayout::kLidar, kB = GlobalLayout::kBoard;
-  const SensorPose pose = lidarPose(state, chain, edge.node, edge.stamp);
+  const TimedSensorPose pose = lidarPose(state, chain, edge.node, edge.stamp);
   const auto f = boardEdge(pose.T_W_S, state.T_W_B, edge.bearing_L, edge.outline / 2, state.outline[edge.outline],
                            edge.sigma_m);
   if (!f) return;
@@ -170,7 +170,7 @@ void LidarGroup::forEachBin(const WindowState& state, const InertialChain& chain
     const double middle_s = (binned[begin].bin + 0.5) * params_.bin_s;
     const TimeNs stamp = scan.stamp + toNs(middle_s);
     const int node = lidarNode(state, stamp);
-    const SensorPose pose = lidarPose(state, chain, node, stamp);
+    const TimedSensorPose pose = lidarPose(state, chain, node, stamp);
     const Eigen::Vector3d v_L = pose.T_W_S.q.conjugate() * pose.v_W;
     const auto point = [&](std::size_t k) {
       const LidarPoint& raw = scan.points[static_cast<std::size_t>(binned[k].index)];
@@ -185,7 +185,7 @@ void LidarGroup::fillMap(const WindowState& state, const InertialChain& chain, i
                          PlaneMap* map) const {
   for (std::size_t s = static_cast<std::size_t>(first_scan); s < scans_.size(); ++s) {
     forEachBin(state, chain, *scans_[s].raw,
-               [&](TimeNs, int, const SensorPose& pose, const auto& point, const BinnedPoint* binned,
+               [&](TimeNs, int, const TimedSensorPose& pose, const auto& point, const BinnedPoint* binned,
                    std::size_t begin, std::size_t end) {
                  for (std::size_t k = begin; k < end; ++k) {
                    if (binned[k - begin].index % stride == 0) map->addPoint(pose.T_W_S * point(k));
@@ -213,7 +213,7 @@ std::optional<BoardSegment> LidarGroup::findBoard(const WindowState& state, cons
   const Pose T_L_W = lidarPose(state, chain, lidarNode(state, middle), middle).T_W_S.inverse();
   std::vector<Eigen::Vector3f> points_L(scan.raw->points.size());
   forEachBin(state, chain, *scan.raw,
-             [&](TimeNs, int, const SensorPose& pose, const auto& point, const BinnedPoint* binned, std::size_t begin,
+             [&](TimeNs, int, const TimedSensorPose& pose, const auto& point, const BinnedPoint* binned, std::size_t begin,
                  std::size_t end) {
                const Pose T_M_L = T_L_W * pose.T_W_S;
                for (std::size_t k = begin; k < end; ++k) {
@@ -237,7 +237,7 @@ void LidarGroup::linkScan(const WindowState& state, const InertialChain& chain, 
   }
   const Plane board_W = boardPlane(state.T_W_B);
   const double floor2 = params_.noise_floor_m * params_.noise_floor_m;
-  const auto addBin = [&](TimeNs stamp, int node, const SensorPose& pose, const auto& point, const BinnedPoint* binned,
+  const auto addBin = [&](TimeNs stamp, int node, const TimedSensorPose& pose, const auto& point, const BinnedPoint* binned,
                           std::size_t begin, std::size_t end) {
     Bin bin;
     bin.stamp = stamp;
@@ -317,7 +317,7 @@ std::vector<Eigen::Vector3f> deskewToWorld(const LidarScan& scan, const WindowSt
   constexpr double kStep = 0.002;
   std::vector<Eigen::Vector3f> points_W(scan.points.size());
   int bin = -1;
-  SensorPose pose;
+  TimedSensorPose pose;
   Eigen::Vector3d v_L;
   for (std::size_t i = 0; i < scan.points.size(); ++i) {
     const LidarPoint& raw = scan.points[i];

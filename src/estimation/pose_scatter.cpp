@@ -9,7 +9,7 @@ constexpr int kG = GlobalLayout::kGravity;
 
 /// Adds X at (rows of the calibration and gravity) x (the same) of the dense globals, for a cross term that stands once:
 /// X = [calibration; gravity]^T H [calibration; gravity] of two poses, plus its transpose.
-void addGlobalPair(const SensorPose& a, const SensorPose& b, int column, const Matrix6d& H, ChainSystem* system) {
+void addGlobalPair(const TimedSensorPose& a, const TimedSensorPose& b, int column, const Matrix6d& H, ChainSystem* system) {
   Eigen::Matrix<double, 6, 8> J_a, J_b;
   J_a << a.J_calibration, a.J_gravity;
   J_b << b.J_calibration, b.J_gravity;
@@ -24,7 +24,7 @@ void addGlobalPair(const SensorPose& a, const SensorPose& b, int column, const M
 
 }  // namespace
 
-void scatterPose(const SensorPose& pose, int node, int column, const Matrix6d& H, const Vector6d& b,
+void scatterPose(const TimedSensorPose& pose, int node, int column, const Matrix6d& H, const Vector6d& b,
                  ChainSystem* system) {
   const Eigen::Matrix<double, 15, 6> JtH = pose.J_state.transpose() * H;
   system->diagonal(node).noalias() += JtH * pose.J_state;
@@ -36,7 +36,7 @@ void scatterPose(const SensorPose& pose, int node, int column, const Matrix6d& H
   system->b_global[kG] += pose.J_gravity.dot(b);
 }
 
-void scatterPoseGlobal(const SensorPose& pose, int node, int column, const Eigen::Ref<const Eigen::MatrixXd>& H,
+void scatterPoseGlobal(const TimedSensorPose& pose, int node, int column, const Eigen::Ref<const Eigen::MatrixXd>& H,
                        int other_column, ChainSystem* system) {
   const Eigen::Index m = H.cols();
   system->coupling(node).middleCols(other_column, m).noalias() += pose.J_state.transpose() * H;
@@ -49,7 +49,7 @@ void scatterPoseGlobal(const SensorPose& pose, int node, int column, const Eigen
   G.block(other_column, kG, m, 1) += gravity.transpose();
 }
 
-void scatterPosePair(const SensorPose& a, int node_a, const SensorPose& b, int node_b, int column, const Matrix6d& H,
+void scatterPosePair(const TimedSensorPose& a, int node_a, const TimedSensorPose& b, int node_b, int column, const Matrix6d& H,
                      ChainSystem* system) {
   const Eigen::Matrix<double, 15, 6> JtH_a = a.J_state.transpose() * H;
   const Eigen::Matrix<double, 15, 6> JtH_b = b.J_state.transpose() * H.transpose();

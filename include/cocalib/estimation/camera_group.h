@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "cocalib/estimation/inertial_chain.h"
-#include "cocalib/factors/sensor_pose.h"
+#include "cocalib/factors/timed_sensor_pose.h"
 #include "cocalib/sensors/camera_model.h"
 
 namespace cocalib {
@@ -76,16 +76,16 @@ class CameraGroup {
   struct Sums;
 
   bool touches(const Landmark& landmark, int end_node) const;
-  void triangulate(Landmark* landmark, const std::vector<SensorPose>& poses) const;
-  void gate(Landmark* landmark, const std::vector<SensorPose>& poses) const;
-  std::vector<SensorPose> cameraPoses(const WindowState& state, const InertialChain& chain) const;
+  void triangulate(Landmark* landmark, const std::vector<TimedSensorPose>& poses) const;
+  void gate(Landmark* landmark, const std::vector<TimedSensorPose>& poses) const;
+  std::vector<TimedSensorPose> cameraPoses(const WindowState& state, const InertialChain& chain) const;
   void addBoard(const WindowState& state, int frame, Sums* sums, ChainSystem* system) const;
   void addLandmark(Landmark* landmark, Sums* sums) const;
 
   Params params_;
   std::vector<Frame> frames_;
   std::map<std::uint32_t, Landmark> landmarks_;  // by track; ordered, so that sums repeat to the bit
-  std::vector<SensorPose> poses_;                // at the last accumulate()
+  std::vector<TimedSensorPose> poses_;                // at the last accumulate()
   double corner_rms_px_ = 0.0, track_rms_px_ = 0.0;
 };
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "cocalib/estimation/inertial_chain.h"
-#include "cocalib/factors/sensor_pose.h"
+#include "cocalib/factors/timed_sensor_pose.h"
 #include "cocalib/lidar/board_segmenter.h"
 #include "cocalib/lidar/plane_map.h"
 

@@ -1,8 +1,8 @@
-#include "cocalib/factors/sensor_pose.h"
+#include "cocalib/factors/timed_sensor_pose.h"
 
 namespace cocalib {
 
-SensorPose sensorPose(const Preintegration& segment, const NavState& start, double gravity, const Pose& T_imu_sensor,
+TimedSensorPose timedSensorPose(const Preintegration& segment, const NavState& start, double gravity, const Pose& T_imu_sensor,
                       double time_offset_s, TimeNs sensor_stamp) {
   const TimedPose imu = timedPose(segment, start, gravity, sensor_stamp + toNs(time_offset_s));
   const Eigen::Matrix3d R_W_I = imu.T_W_I.R();
@@ -11,7 +11,7 @@ SensorPose sensorPose(const Preintegration& segment, const NavState& start, doub
   Matrix6d carry = Matrix6d::Identity();
   carry.block<3, 3>(0, 3) = -hat(lever_W);
 
-  SensorPose out;
+  TimedSensorPose out;
   out.T_W_S = imu.T_W_I * T_imu_sensor;
   out.J_state = carry * imu.J_state;
   out.J_gravity = carry * imu.J_gravity;
