@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-
 #include <opencv2/imgproc.hpp>
 
 #include "cocalib/sim/random.h"
@@ -101,7 +100,8 @@ float Texture::gray(float a, float b, float level) const {
   return fine + blend * (bilinear(base + 1, a, b) - fine);
 }
 
-BoardPattern::BoardPattern(const BoardGeometry& board) : cols_(board.cols), rows_(board.rows), square_(board.square_m) {}
+BoardPattern::BoardPattern(const BoardGeometry& board)
+    : cols_(board.cols), rows_(board.rows), square_(board.square_m) {}
 
 double BoardPattern::gray(double a, double b, double width_a, double width_b) const {
   const double s = columnOf(a), t = rowOf(b);
@@ -109,8 +109,8 @@ double BoardPattern::gray(double a, double b, double width_a, double width_b) co
   const double s0 = s - 0.5 * ds, s1 = s + 0.5 * ds, t0 = t - 0.5 * dt, t1 = t + 0.5 * dt;
   const double window = (windowIntegral(s1, cols_) - windowIntegral(s0, cols_)) / ds *
                         (windowIntegral(t1, rows_) - windowIntegral(t0, rows_)) / dt;
-  const double sign =
-      (signIntegral(s1, cols_) - signIntegral(s0, cols_)) / ds * (signIntegral(t1, rows_) - signIntegral(t0, rows_)) / dt;
+  const double sign = (signIntegral(s1, cols_) - signIntegral(s0, cols_)) / ds *
+                      (signIntegral(t1, rows_) - signIntegral(t0, rows_)) / dt;
   // Black where the signs agree, as on the square before the origin, where both are +1.
   return kWhite - (kWhite - kBlack) * 0.5 * (window + sign);
 }

@@ -2,9 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
-
 #include <opencv2/imgproc.hpp>
+#include <stdexcept>
 
 #include "cocalib/sim/camera.h"
 #include "cocalib/sim/random.h"
@@ -13,7 +12,7 @@ namespace cocalib::sim {
 namespace {
 
 constexpr int kTile_px = 16;
-constexpr int kParts = 4;                   // an edge pixel is split in kParts x kParts
+constexpr int kParts = 4;  // an edge pixel is split in kParts x kParts
 constexpr std::size_t kNoiseCount = 1U << 20U;
 const double kWidestTangent = std::tan(85.0 * 3.141592653589793 / 180.0);
 
@@ -44,7 +43,8 @@ Renderer::Renderer(const Scenario& scenario, const Scene& scene)
     for (int col = 0; col <= width_; ++col) {
       const std::optional<Eigen::Vector3d> ray = camera.unproject({col - 0.5, row - 0.5});
       if (!ray || ray->head<2>().norm() > kWidestTangent * ray->z()) {
-        throw std::invalid_argument("camera: pictures can be drawn only for views under 85 deg off the axis in every pixel");
+        throw std::invalid_argument(
+            "camera: pictures can be drawn only for views under 85 deg off the axis in every pixel");
       }
       corner_rays_.push_back((ray->head<2>() / ray->z()).cast<float>());
     }
@@ -168,8 +168,8 @@ void Renderer::drawMixed(const Views& views, const Tile& tile, float weight, cv:
   for (int y = 0; y + 1 < rows; ++y) {
     for (int x = 0; x + 1 < cols; ++x) {
       const View* const* corner = nearest + y * cols + x;
-      const bool uniform = corner[0] != nullptr && corner[0] == corner[1] && corner[0] == corner[cols] &&
-                           corner[0] == corner[cols + 1];
+      const bool uniform =
+          corner[0] != nullptr && corner[0] == corner[1] && corner[0] == corner[cols] && corner[0] == corner[cols + 1];
       const int col = tile.col + x, row = tile.row + y;
       image.at<float>(row, col) += weight * (uniform ? shadePixel(*corner[0], col, row) : shadeEdge(views, col, row));
     }

@@ -159,6 +159,7 @@ void readLidar(Block block, Scenario::Lidar& lidar) {
                     {"hesai", CloudDialect::kHesai},
                     {"robosense", CloudDialect::kRobosense},
                     {"livox", CloudDialect::kLivox},
+                    {"livox_offset", CloudDialect::kLivoxOffset},
                     {"no_time", CloudDialect::kNoTime}});
   block.read("rate", lidar.rate_hz);
   block.read("range_noise", lidar.range_noise_m);

@@ -1,9 +1,8 @@
 #pragma once
 
-#include <vector>
-
 #include <Eigen/Core>
 #include <opencv2/core/mat.hpp>
+#include <vector>
 
 #include "cocalib/sim/scene.h"
 
@@ -20,7 +19,8 @@ class Texture {
   /// Level of detail at which a texel is as long as `footprint_m` [m] of the surface; 0 is the finest.
   float level(float footprint_m) const;
 
-  /// Grey value [0, 255] at (a, b) [m] along u and v from the rectangle's centre, interpolated between texels and levels.
+  /// Grey value [0, 255] at (a, b) [m] along u and v from the rectangle's centre, interpolated between texels and
+  /// levels.
   float gray(float a, float b, float level) const;
 
  private:
@@ -30,9 +30,9 @@ class Texture {
   float bilinear(int level, float a, float b) const;
 
   struct Level {
-    cv::Mat picture;  // CV_8UC1, padded
+    cv::Mat picture;     // CV_8UC1, padded
     float per_u, per_v;  // texels per metre
-    float cols, rows;  // without padding
+    float cols, rows;    // without padding
   };
   float half_u_, half_v_;
   std::vector<Level> levels_;
@@ -43,8 +43,8 @@ class BoardPattern {
  public:
   explicit BoardPattern(const BoardGeometry& board);
 
-  /// Mean grey value over the patch of the plate around (a, b) [m], the centre being (0, 0), u along +x of frame B and v along -y.
-  /// The patch is a box with the variance of a pixel's footprint.
+  /// Mean grey value over the patch of the plate around (a, b) [m], the centre being (0, 0), u along +x of frame B and
+  /// v along -y. The patch is a box with the variance of a pixel's footprint.
   /// @param width_a, width_b  sides of the box [m]
   double gray(double a, double b, double width_a, double width_b) const;
 

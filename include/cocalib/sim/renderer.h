@@ -1,9 +1,8 @@
 #pragma once
 
-#include <vector>
-
 #include <Eigen/Core>
 #include <opencv2/core/mat.hpp>
+#include <vector>
 
 #include "cocalib/sim/appearance.h"
 #include "cocalib/sim/scenario.h"

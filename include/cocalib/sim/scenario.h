@@ -27,7 +27,7 @@ enum class Motion {
 enum class LidarModel { kVlp16, kOs1_32, kOs1_64, kOs1_128, kXt32, kRs32, kLivox };
 
 /// Names and types of the fields of the published cloud.
-enum class CloudDialect { kVelodyne, kOuster, kHesai, kRobosense, kLivox, kNoTime };
+enum class CloudDialect { kVelodyne, kOuster, kHesai, kRobosense, kLivox, kLivoxOffset, kNoTime };
 
 /// Everything that defines one simulated recording. The defaults are the rig of the paper's Tables I and II.
 /// Same scenario, same seed: the same measurements, bit by bit.

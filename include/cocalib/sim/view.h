@@ -1,9 +1,8 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <cmath>
 #include <vector>
-
-#include <Eigen/Core>
 
 #include "cocalib/sim/scene.h"
 
@@ -32,8 +31,8 @@ struct View {
 
   /// Where the ray meets the plane and how that changes with the pixel.
   struct Footprint {
-    float a, b;          ///< [m]
-    Eigen::Matrix2f J;   ///< d(a, b) / d(col, row) [m/px]
+    float a, b;         ///< [m]
+    Eigen::Matrix2f J;  ///< d(a, b) / d(col, row) [m/px]
   };
   /// @param ray_step  change of the ray with the pixel: columns d/dcol, d/drow
   Footprint footprint(const Eigen::Vector2f& ray, const Eigen::Matrix2f& ray_step) const;
