@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <locale>
 #include <numeric>
 #include <sstream>
@@ -145,7 +144,9 @@ int YamlSection::integer(const std::string& key, int low, int high) {
   return static_cast<int>(value);
 }
 
-std::vector<double> YamlSection::numbers(const std::string& key, int count) {
+double YamlSection::real(const std::string& key) { return scalar(require(key), key); }
+
+std::vector<double> YamlSection::reals(const std::string& key, int count) {
   constexpr std::size_t kMost = 16;
   const YAML::Node value = require(key);
   const std::string wanted = count < 0 ? "numbers" : std::to_string(count) + " numbers";
@@ -153,9 +154,14 @@ std::vector<double> YamlSection::numbers(const std::string& key, int count) {
     fail(key, "must be a list of " + wanted);
   }
   std::vector<double> result;
-  for (const auto& element : value) {
-    result.push_back(scalar(element, key));
-    if (!std::isfinite(result.back())) fail(key, "must be a list of finite numbers");
+  for (const auto& element : value) result.push_back(scalar(element, key));
+  return result;
+}
+
+std::vector<double> YamlSection::numbers(const std::string& key, int count) {
+  std::vector<double> result = reals(key, count);
+  if (!std::all_of(result.begin(), result.end(), [](double v) { return std::isfinite(v); })) {
+    fail(key, "must be a list of finite numbers");
   }
   return result;
 }

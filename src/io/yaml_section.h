@@ -32,6 +32,9 @@ class YamlSection {
   /// Finite and within [low, high]; `unit` is said in the message.
   double number(const std::string& key, double low, double high, const std::string& unit);
   double numberOr(const std::string& key, double low, double high, const std::string& unit, double fallback);
+  /// Any number, .inf and .nan too, as results may hold them.
+  double real(const std::string& key);
+  std::vector<double> reals(const std::string& key, int count);
   int integer(const std::string& key, int low, int high);
   /// Finite numbers; `count` of them, or any number up to 16 if negative.
   std::vector<double> numbers(const std::string& key, int count);
