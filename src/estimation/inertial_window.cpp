@@ -88,7 +88,7 @@ void InertialWindow::startBoard() {
 }
 
 void InertialWindow::relink(bool rebuild_planes, double slack_m) {
-  chain_.update(state_.nodes, imu_);
+  updateChain();
   if (camera_) {
     camera_->relink(state_, chain_);
     if (!board_known_ && params_.camera->board) startBoard();
@@ -258,6 +258,7 @@ bool InertialWindow::marginalizeBefore(TimeNs stamp) {
   prior.b = std::move(marginal.b);
   prior_ = std::move(prior);
   chain_.dropFront(count);
+  imu_.forgetBefore(state_.nodes.front().stamp - toNs(1.0));
   if (camera_) camera_->dropFront(count);
   if (lidar_) {
     lidar_->dropFront(count);

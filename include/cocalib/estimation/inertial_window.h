@@ -57,6 +57,8 @@ class InertialWindow {
   void addFrame(const VisualKeyframe& keyframe) { camera_->addFrame(keyframe); }
   void addScan(std::shared_ptr<const LidarScan> scan) { lidar_->addScan(std::move(scan)); }
 
+  /// Makes the inertial segments of new nodes, so that poses can be asked for; relink() does it too.
+  void updateChain() { chain_.update(state_.nodes, imu_); }
   /// Associates: inertial segments, frames and landmarks, planes and lidar points.
   /// @param rebuild_planes  find the planes anew from all scans (only before anything was marginalized)
   /// @param slack_m         uncertainty of the current poses, for the gates

@@ -1,0 +1,93 @@
+#include "cocalib/calibrators/camera_exploration.h"
+
+#include <algorithm>
+
+#include "cocalib/visual/board_detector.h"
+#include "cocalib/visual/feature_tracker.h"
+
+namespace cocalib {
+namespace {
+
+constexpr double kRotationSpan_s = 0.12;     // between the pictures of one relative rotation
+constexpr double kMaxRotationSpan_s = 0.3;
+constexpr double kBoardShare = 0.25;         // of the pictures must show the board for it to carry the alignment
+constexpr std::size_t kMinBoardViews = 30;
+constexpr double kBoardPositionSigma_m = 0.01;
+
+}  // namespace
+
+std::vector<SensorPose> CameraExploration::boardPoses(const std::vector<VisualKeyframe>& frames) const {
+  std::vector<SensorPose> poses;
+  if (!board_) return poses;
+  for (const VisualKeyframe& frame : frames) {
+    if (!frame.board) continue;
+    const auto T_C_B = estimateBoardPose(*frame.board, *board_, camera_);
+    if (T_C_B) poses.push_back({frame.stamp, T_C_B->inverse()});
+  }
+  return poses;
+}
+
+std::vector<RelativeSensorRotation> CameraExploration::rotations(const std::vector<VisualKeyframe>& frames,
+                                                                 const std::vector<SensorPose>& board_poses) const {
+  std::vector<RelativeSensorRotation> out;
+  const auto boardAt = [&](TimeNs stamp) {
+    const auto it = std::lower_bound(board_poses.begin(), board_poses.end(), stamp,
+                                     [](const SensorPose& pose, TimeNs t) { return pose.stamp < t; });
+    return it != board_poses.end() && it->stamp == stamp ? &*it : nullptr;
+  };
+  std::size_t a = 0;
+  for (std::size_t b = 1; b < frames.size(); ++b) {
+    if (toSeconds(frames[b].stamp - frames[a].stamp) < kRotationSpan_s) continue;
+    const SensorPose *pose_a = boardAt(frames[a].stamp), *pose_b = boardAt(frames[b].stamp);
+    if (toSeconds(frames[b].stamp - frames[a].stamp) <= kMaxRotationSpan_s) {
+      if (pose_a && pose_b) {
+        out.push_back({frames[a].stamp, frames[b].stamp, pose_a->T_M_S.q.conjugate() * pose_b->T_M_S.q});
+      } else if (const auto relative = relativeRotation(frames[a].tracks, frames[b].tracks, camera_)) {
+        out.push_back({frames[a].stamp, frames[b].stamp, relative->R_b_a.conjugate()});
+      }
+    }
+    // Overlapping spans: the next begins half-way, where there is a picture.
+    while (a + 1 < b && toSeconds(frames[b].stamp - frames[a + 1].stamp) >= 0.5 * kRotationSpan_s) ++a;
+    if (toSeconds(frames[b].stamp - frames[a].stamp) > kMaxRotationSpan_s) a = b;
+  }
+  return out;
+}
+
+std::optional<Alignment> CameraExploration::align(const ImuBuffer& imu, const std::vector<VisualKeyframe>& frames,
+                                                  std::string* reason) const {
+  const std::vector<SensorPose> board_poses = boardPoses(frames);
+  const auto rotation =
+      initializeRotation(imu, rotations(frames, board_poses), RotationInitializerParams(), reason);
+  if (!rotation) return std::nullopt;
+  if (board_poses.size() >= kMinBoardViews &&
+      static_cast<double>(board_poses.size()) >= kBoardShare * static_cast<double>(frames.size())) {
+    AlignmentParams params;
+    params.position_sigma_m = kBoardPositionSigma_m;
+    return alignFromPoses(imu, *rotation, board_poses, params, reason);
+  }
+  std::vector<BearingFrame> bearings;
+  for (const VisualKeyframe& frame : frames) {
+    BearingFrame out;
+    out.stamp = frame.stamp;
+    for (const TrackObservation& track : frame.tracks) {
+      const auto bearing = camera_.unproject(track.px.cast<double>());
+      if (!bearing) continue;
+      out.ids.push_back(track.id);
+      out.bearings_C.push_back(*bearing);
+    }
+    bearings.push_back(std::move(out));
+  }
+  return alignFromTracks(imu, *rotation, bearings, AlignmentParams(), reason);
+}
+
+VisualKeyframe thinTracks(const VisualKeyframe& frame, double rate_hz) {
+  // A function of the stamp alone, so that calibrator and fuser agree: of every 1 / rate, the first 40 ms (one picture at
+  // 25 Hz) keep their tracks.
+  constexpr TimeNs kOnePicture = 40000000;
+  VisualKeyframe out = frame;
+  const TimeNs period = toNs(1.0 / rate_hz);
+  if (frame.stamp % period >= kOnePicture) out.tracks.clear();
+  return out;
+}
+
+}  // namespace cocalib

@@ -1,0 +1,332 @@
+#include "cocalib/calibrators/lidar_inertial_calibrator.h"
+
+#include <algorithm>
+#include <deque>
+
+#include "cocalib/calibrators/violations.h"
+#include "cocalib/calibrators/window_start.h"
+#include "cocalib/estimation/inertial_window.h"
+#include "cocalib/estimation/observability.h"
+#include "cocalib/inertial/imu_inbox.h"
+#include "cocalib/initialization/alignment.h"
+#include "cocalib/lidar/lidar_odometry.h"
+
+namespace cocalib {
+namespace {
+
+constexpr double kFirstTry_s = 4.0;         // of odometry, before the first attempt at a mounting
+constexpr double kTryPeriod_s = 1.0;
+constexpr double kStartSlacks_m[] = {0.15, 0.05, 0.02, 0.0};
+constexpr int kStartIterations = 6;
+constexpr int kIterations = 2;
+constexpr double kMapSpacing_s = 0.5;       // between the sweeps that make up the published map
+
+std::shared_ptr<const LidarScan> subsample(const LidarScan& scan, int max_points) {
+  auto out = std::make_shared<LidarScan>();
+  out->stamp = scan.stamp;
+  const std::size_t stride = scan.points.size() / static_cast<std::size_t>(max_points) + 1;
+  out->points.reserve(scan.points.size() / stride + 1);
+  for (std::size_t i = 0; i < scan.points.size(); i += stride) out->points.push_back(scan.points[i]);
+  return out;
+}
+
+TimeNs endOf(const LidarScan& scan) {
+  return scan.points.empty() ? scan.stamp : scan.stamp + toNs(scan.points.back().offset_s);
+}
+
+}  // namespace
+
+void LidarInertialParams::validate() const {
+  Violations violations("lidar-inertial calibrator");
+  violations.requireWithin("range_noise_m", range_noise_m, 0.001, 0.5);
+  violations.requireWithin("window_s", window_s, 2.0, 60.0);
+  violations.requireWithin("solve_period_s", solve_period_s, 0.1, 10.0);
+  violations.requireWithin("initialization_s", initialization_s, 3.0, 60.0);
+  violations.requireWithin("max_points", max_points, 500, 200000);
+  violations.throwIfAny();
+}
+
+struct LidarInertialCalibrator::Impl {
+  Impl(const LidarInertialParams& p, const ImuNoise& noise, const std::optional<Pose>& g)
+      : params(p), guess(g), odometry(odometryParams(p)), window(windowParams(p, noise)) {}
+
+  static LidarOdometry::Params odometryParams(const LidarInertialParams& p) {
+    LidarOdometry::Params out;
+    out.range_noise_m = p.range_noise_m;
+    return out;
+  }
+  static InertialWindow::Params windowParams(const LidarInertialParams& p, const ImuNoise& noise) {
+    InertialWindow::Params out;
+    out.imu_noise = noise;
+    out.lidar = LidarGroup::Params();
+    out.lidar->range_noise_m = p.range_noise_m;
+    out.plane_map.point_sigma_m = p.range_noise_m;
+    return out;
+  }
+
+  void explore(const std::shared_ptr<const LidarScan>& scan);
+  bool tryToStart();
+  void startWindow(const Alignment& alignment);
+  void advance();
+  void solve();
+  void publish();
+  std::vector<LidarKeyframe> takeKeyframes();
+
+  LidarInertialParams params;
+  std::optional<Pose> guess;
+  LidarOdometry odometry;
+  InertialWindow window;
+  ImuInbox inbox;
+  bool started = false;
+  // Before the start: raw sweeps with their poses in the odometry's frame, newest initialization_s.
+  std::deque<std::shared_ptr<const LidarScan>> raw;
+  std::deque<LidarOdometry::Result> poses;
+  TimeNs last_try = 0;
+  // After it: sweeps that wait for inertial data, and those in the window not yet handed on.
+  std::deque<std::shared_ptr<const LidarScan>> waiting, unreported;
+  TimeNs last_solve = 0;
+  std::uint32_t version = 0;
+  CalibrationEstimate estimate;
+  CalibratorDiagnostics diagnostics;
+};
+
+LidarInertialCalibrator::LidarInertialCalibrator(const LidarInertialParams& params, const ImuNoise& imu_noise,
+                                                 const std::optional<Pose>& guess_T_imu_lidar) {
+  params.validate();
+  impl_ = std::make_unique<Impl>(params, imu_noise, guess_T_imu_lidar);
+  reset();
+}
+LidarInertialCalibrator::~LidarInertialCalibrator() = default;
+
+void LidarInertialCalibrator::addImu(const ImuSample& sample) { impl_->inbox.push(sample); }
+
+std::vector<LidarKeyframe> LidarInertialCalibrator::addScan(const LidarScan& scan) {
+  Impl& m = *impl_;
+  ++m.diagnostics.counts["scans"];
+  if (!m.inbox.drainTo(&m.window.imu())) reset();
+  if (scan.points.empty()) {
+    ++m.diagnostics.counts["empty scans"];
+    return {};
+  }
+  const auto kept = subsample(scan, m.params.max_points);
+  if (!m.started) {
+    m.explore(kept);
+    if (!m.tryToStart()) return {};
+    return m.takeKeyframes();
+  }
+  m.waiting.push_back(kept);
+  m.advance();
+  return m.takeKeyframes();
+}
+
+std::vector<LidarKeyframe> LidarInertialCalibrator::flush() {
+  Impl& m = *impl_;
+  if (!m.inbox.drainTo(&m.window.imu())) return {};
+  if (!m.started) {
+    m.last_try = 0;
+    if (!m.tryToStart()) return {};
+  }
+  m.advance();
+  if (m.window.state().nodes.back().stamp > m.last_solve) m.solve();
+  return m.takeKeyframes();
+}
+
+void LidarInertialCalibrator::Impl::explore(const std::shared_ptr<const LidarScan>& scan) {
+  if (!raw.empty() && scan->stamp <= raw.back()->stamp) {
+    ++diagnostics.counts["scans out of order"];
+    return;
+  }
+  const LidarOdometry::Result result = odometry.addScan(*scan);
+  if (!result.good) ++diagnostics.counts["scans not registered"];
+  raw.push_back(scan);
+  poses.push_back(result);
+  while (toSeconds(raw.back()->stamp - raw.front()->stamp) > params.initialization_s) {
+    raw.pop_front();
+    poses.pop_front();
+  }
+}
+
+bool LidarInertialCalibrator::Impl::tryToStart() {
+  if (poses.empty()) return false;
+  const TimeNs now = poses.back().end;
+  if (toSeconds(now - poses.front().begin) < kFirstTry_s || toSeconds(now - last_try) < kTryPeriod_s) return false;
+  last_try = now;
+  std::vector<RelativeSensorRotation> rotations;
+  std::vector<SensorPose> middle;
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    if (!poses[i].good) continue;
+    const TimeNs stamp = poses[i].begin + (poses[i].end - poses[i].begin) / 2;
+    middle.push_back({stamp, poses[i].at(0.5)});
+    if (i == 0 || !poses[i - 1].good) continue;
+    const SensorPose& before = middle[middle.size() - 2];
+    rotations.push_back({before.stamp, stamp, before.T_M_S.q.conjugate() * middle.back().T_M_S.q});
+  }
+  std::string reason;
+  const auto rotation = initializeRotation(window.imu(), rotations, RotationInitializerParams(), &reason);
+  diagnostics.stage = rotation ? "rotation found" : "waiting for motion";
+  if (rotation) {
+    const auto alignment = alignFromPoses(window.imu(), *rotation, middle, AlignmentParams(), &reason);
+    if (alignment) {
+      startWindow(*alignment);
+      return true;
+    }
+  }
+  diagnostics.message = estimate.message = reason;
+  return false;
+}
+
+void LidarInertialCalibrator::Impl::startWindow(const Alignment& alignment) {
+  Calibration calibration;
+  calibration.T_imu_lidar = alignment.T_imu_sensor;
+  calibration.lidar_time_offset_s = alignment.time_offset_s;
+  startNodes(alignment, calibration, &window);
+  const TimeNs first = window.state().nodes.front().stamp;
+  const TimeNs last = window.state().nodes.back().stamp;
+  const TimeNs offset = toNs(alignment.time_offset_s);
+  for (const auto& scan : raw) {
+    if (scan->stamp + offset < first) continue;
+    if (endOf(*scan) + offset > last) {
+      waiting.push_back(scan);
+      continue;
+    }
+    window.addScan(scan);
+    unreported.push_back(scan);
+  }
+  for (const double slack : kStartSlacks_m) {
+    window.relink(true, slack);
+    window.optimize(kStartIterations);
+  }
+  started = true;
+  last_solve = last;
+  raw.clear();
+  poses.clear();
+  odometry.reset();
+  diagnostics.stage = "refining";
+  publish();
+}
+
+void LidarInertialCalibrator::Impl::advance() {
+  const TimeNs offset = toNs(window.state().calibration.lidar_time_offset_s);
+  while (!waiting.empty() && endOf(*waiting.front()) + offset <= window.imu().lastStamp()) {
+    const auto scan = waiting.front();
+    waiting.pop_front();
+    if (scan->stamp + offset < window.state().nodes.front().stamp) continue;
+    window.extendTo(endOf(*scan) + offset);
+    window.addScan(scan);
+    unreported.push_back(scan);
+    if (toSeconds(window.state().nodes.back().stamp - last_solve) >= params.solve_period_s) solve();
+  }
+  window.updateChain();
+}
+
+void LidarInertialCalibrator::Impl::solve() {
+  last_solve = window.state().nodes.back().stamp;
+  window.relink(false, 0.02);
+  if (window.optimize(kIterations).failed) ++diagnostics.counts["failed solves"];
+  const TimeNs oldest = last_solve - toNs(params.window_s);
+  if (window.state().nodes.front().stamp < oldest && !window.marginalizeBefore(oldest)) {
+    ++diagnostics.counts["failed marginalizations"];
+  }
+  publish();
+}
+
+void LidarInertialCalibrator::Impl::publish() {
+  Matrix14d covariance;
+  if (!window.calibrationCovariance(&covariance)) {
+    ++diagnostics.counts["covariances refused"];
+    return;
+  }
+  const WindowState& state = window.state();
+  estimate.stamp = state.nodes.back().stamp;
+  estimate.calibration = state.calibration;
+  estimate.covariance = covariance;
+  estimate.gyro_bias = state.nodes.back().gyro_bias;
+  estimate.accel_bias = state.nodes.back().accel_bias;
+  estimate.gravity = state.gravity;
+  estimate.quality.lidar_plane_rms_m = window.lidar()->planeRms();
+  estimate.quality.keyframes = static_cast<int>(state.nodes.size());
+  judgeEstimate(false, true, ObservabilityThresholds(), &estimate);
+  diagnostics.message = estimate.message;
+  ++version;
+}
+
+std::vector<LidarKeyframe> LidarInertialCalibrator::Impl::takeKeyframes() {
+  std::vector<LidarKeyframe> keyframes;
+  const WindowState& state = window.state();
+  const TimeNs offset = toNs(state.calibration.lidar_time_offset_s);
+  while (!unreported.empty() && endOf(*unreported.front()) + offset <= last_solve) {
+    LidarKeyframe keyframe;
+    keyframe.scan = *unreported.front();
+    const int node = nodeAt(state.nodes, keyframe.scan.stamp + offset);
+    keyframe.state = state.nodes[static_cast<std::size_t>(node)];
+    keyframes.push_back(std::move(keyframe));
+    unreported.pop_front();
+  }
+  return keyframes;
+}
+
+CalibrationEstimate LidarInertialCalibrator::estimate() const { return impl_->estimate; }
+
+std::optional<DeskewedCloud> LidarInertialCalibrator::deskewedCloud() const {
+  const Impl& m = *impl_;
+  if (!m.started || m.window.lidar()->scans() == 0) return std::nullopt;
+  const WindowState& state = m.window.state();
+  const int last = m.window.lidar()->scans() - 1;
+  DeskewedCloud cloud;
+  cloud.stamp = state.nodes.back().stamp;
+  cloud.T_W_I = state.nodes.back().T_W_I;
+  cloud.points_W = deskewToWorld(m.window.lidar()->scan(last), state, m.window.chain());
+  cloud.plane = m.window.lidar()->planesOf(last);
+  cloud.plane.resize(cloud.points_W.size(), -1);
+  cloud.calibration_version = m.version;
+  return cloud;
+}
+
+std::vector<Eigen::Vector3f> LidarInertialCalibrator::map() const {
+  const Impl& m = *impl_;
+  std::vector<Eigen::Vector3f> points;
+  if (!m.started) return points;
+  TimeNs next = 0;
+  for (int i = 0; i < m.window.lidar()->scans(); ++i) {
+    const LidarScan& scan = m.window.lidar()->scan(i);
+    if (scan.stamp < next) continue;
+    next = scan.stamp + toNs(kMapSpacing_s);
+    const auto deskewed = deskewToWorld(scan, m.window.state(), m.window.chain());
+    points.insert(points.end(), deskewed.begin(), deskewed.end());
+  }
+  return points;
+}
+
+void LidarInertialCalibrator::setJointCalibration(const Calibration& calibration) {
+  Impl& m = *impl_;
+  if (!m.started) return;
+  Calibration own = m.window.state().calibration;
+  own.T_imu_lidar = calibration.T_imu_lidar;
+  own.lidar_time_offset_s = calibration.lidar_time_offset_s;
+  m.window.setLinearization(own);
+}
+
+CalibratorDiagnostics LidarInertialCalibrator::diagnostics() const {
+  CalibratorDiagnostics out = impl_->diagnostics;
+  out.counts["imu samples dropped"] = impl_->inbox.dropped();
+  out.counts["imu samples refused"] = impl_->inbox.refused();
+  return out;
+}
+
+void LidarInertialCalibrator::reset() {
+  Impl& m = *impl_;
+  m.window.imu().clear();
+  m.odometry.reset();
+  m.started = false;
+  m.raw.clear();
+  m.poses.clear();
+  m.waiting.clear();
+  m.unreported.clear();
+  m.last_try = m.last_solve = 0;
+  m.version = 0;
+  m.estimate = CalibrationEstimate();
+  m.diagnostics.stage = "waiting for imu";
+  m.diagnostics.message = m.estimate.message = "waiting for inertial data and sweeps";
+}
+
+}  // namespace cocalib

@@ -1,0 +1,318 @@
+#include "cocalib/calibrators/visual_inertial_calibrator.h"
+
+#include <algorithm>
+#include <deque>
+
+#include "cocalib/calibrators/camera_exploration.h"
+#include "cocalib/calibrators/violations.h"
+#include "cocalib/calibrators/window_start.h"
+#include "cocalib/estimation/inertial_window.h"
+#include "cocalib/estimation/observability.h"
+#include "cocalib/inertial/imu_inbox.h"
+#include "cocalib/visual/board_detector.h"
+#include "cocalib/visual/feature_tracker.h"
+
+namespace cocalib {
+namespace {
+
+constexpr double kFirstTry_s = 3.0;  // of pictures, before the first attempt at a mounting
+constexpr double kTryPeriod_s = 1.0;
+constexpr int kStartRounds = 3;
+constexpr int kStartIterations = 8;
+constexpr int kIterations = 3;
+constexpr double kRateSlack = 0.9;    // a picture counts as due a little before its time, so that jitter skips none
+
+}  // namespace
+
+void VisualInertialParams::validate() const {
+  Violations violations("visual-inertial calibrator");
+  violations.requireWithin("frame_rate_hz", frame_rate_hz, 5.0, 100.0);
+  violations.requireWithin("track_rate_hz", track_rate_hz, 1.0, frame_rate_hz);
+  violations.requireWithin("window_s", window_s, 2.0, 60.0);
+  violations.requireWithin("solve_period_s", solve_period_s, 0.1, 10.0);
+  violations.requireWithin("initialization_s", initialization_s, 3.0, 60.0);
+  violations.throwIfAny();
+}
+
+struct VisualInertialCalibrator::Impl {
+  Impl(const VisualInertialParams& p, const ImuNoise& noise, const CameraModel& model,
+       const std::optional<BoardGeometry>& b)
+      : params(p), camera(model), board(b), tracker(model, FeatureTracker::Params()),
+        window(windowParams(noise, model, b)) {
+    if (board) detector.emplace(*board, camera, BoardDetector::Params());
+  }
+  static InertialWindow::Params windowParams(const ImuNoise& noise, const CameraModel& model,
+                                             const std::optional<BoardGeometry>& board) {
+    InertialWindow::Params out;
+    out.imu_noise = noise;
+    out.camera = CameraGroup::Params{model};
+    out.camera->board = board;
+    return out;
+  }
+
+  VisualKeyframe look(const ImageFrame& image);
+  std::optional<Eigen::Quaterniond> predictRotation(TimeNs stamp) const;
+  void predictBoard(TimeNs stamp);
+  bool tryToStart();
+  void startWindow(const Alignment& alignment);
+  void advance();
+  void solve();
+  void publish();
+  std::vector<VisualKeyframe> takeKeyframes();
+
+  VisualInertialParams params;
+  CameraModel camera;
+  std::optional<BoardGeometry> board;
+  std::optional<BoardDetector> detector;
+  FeatureTracker tracker;
+  InertialWindow window;
+  ImuInbox inbox;
+  bool started = false;
+  std::optional<TimeNs> last_image, last_tracks;
+  std::deque<ImageFrame> images;          // that wait for inertial data
+  std::deque<VisualKeyframe> explored;    // before the start, newest initialization_s
+  std::optional<TimeNs> last_try;
+  std::deque<VisualKeyframe> waiting, unreported;
+  TimeNs last_solve = 0;
+  CalibrationEstimate estimate;
+  CalibratorDiagnostics diagnostics;
+};
+
+VisualInertialCalibrator::VisualInertialCalibrator(const VisualInertialParams& params, const ImuNoise& imu_noise,
+                                                   const CameraModel& camera,
+                                                   const std::optional<BoardGeometry>& board,
+                                                   const std::optional<Pose>& /*guess_T_imu_camera*/) {
+  params.validate();
+  impl_ = std::make_unique<Impl>(params, imu_noise, camera, board);
+  reset();
+}
+VisualInertialCalibrator::~VisualInertialCalibrator() = default;
+
+void VisualInertialCalibrator::addImu(const ImuSample& sample) { impl_->inbox.push(sample); }
+
+std::vector<VisualKeyframe> VisualInertialCalibrator::addImage(const ImageFrame& image) {
+  Impl& m = *impl_;
+  ++m.diagnostics.counts["images"];
+  if (!m.inbox.drainTo(&m.window.imu())) reset();
+  if (m.last_image) {
+    const double since = toSeconds(image.stamp - *m.last_image);
+    if (since <= 0.0) {
+      ++m.diagnostics.counts["images out of order"];
+      if (since < -1.0) reset();
+      return {};
+    }
+    if (since < kRateSlack / m.params.frame_rate_hz) return {};
+  }
+  if (image.gray.cols != m.camera.width() || image.gray.rows != m.camera.height()) {
+    ++m.diagnostics.counts["images of the wrong size"];
+    return {};
+  }
+  m.last_image = image.stamp;
+  m.images.push_back(image);
+  m.advance();
+  if (!m.started && !m.tryToStart()) return {};
+  return m.takeKeyframes();
+}
+
+std::vector<VisualKeyframe> VisualInertialCalibrator::flush() {
+  Impl& m = *impl_;
+  if (!m.inbox.drainTo(&m.window.imu())) return {};
+  m.advance();
+  m.last_try.reset();
+  if (!m.started && !m.tryToStart()) return {};
+  if (m.window.state().nodes.back().stamp > m.last_solve) m.solve();
+  return m.takeKeyframes();
+}
+
+/// p_now = R p_prev of the camera between the last processed picture and `stamp`, from the gyro.
+std::optional<Eigen::Quaterniond> VisualInertialCalibrator::Impl::predictRotation(TimeNs stamp) const {
+  if (!started || !last_tracks) return std::nullopt;
+  const Calibration& c = window.state().calibration;
+  const TimeNs offset = toNs(c.camera_time_offset_s);
+  std::vector<ImuSample> samples = window.imu().slice(*last_tracks + offset, stamp + offset);
+  if (samples.size() < 2) return std::nullopt;
+  const NavState& newest = window.state().nodes.back();
+  const Preintegration segment(std::move(samples), ImuNoise(), newest.gyro_bias, newest.accel_bias);
+  const Eigen::Quaterniond& R_I_C = c.T_imu_camera.q;
+  return (R_I_C.conjugate() * segment.atEnd().q.conjugate() * R_I_C).normalized();
+}
+
+void VisualInertialCalibrator::Impl::predictBoard(TimeNs stamp) {
+  if (!started || !window.boardKnown()) return;
+  const WindowState& state = window.state();
+  const TimeNs at = stamp + toNs(state.calibration.camera_time_offset_s);
+  std::vector<ImuSample> samples = window.imu().slice(state.nodes.back().stamp, at);
+  if (samples.size() < 2) return;
+  const NavState& last = state.nodes.back();
+  const Preintegration segment(std::move(samples), ImuNoise(), last.gyro_bias, last.accel_bias);
+  const NavState now = propagate(segment, last, state.gravity, at);
+  detector->setPredictedPose((now.T_W_I * state.calibration.T_imu_camera).inverse() * state.T_W_B);
+}
+
+VisualKeyframe VisualInertialCalibrator::Impl::look(const ImageFrame& image) {
+  VisualKeyframe keyframe;
+  keyframe.stamp = image.stamp;
+  const auto rotation = predictRotation(image.stamp);
+  if (detector) {
+    predictBoard(image.stamp);
+    keyframe.board = detector->detect(image, rotation);
+    ++diagnostics.counts[keyframe.board ? "images with board" : "images without board"];
+  }
+  std::vector<Eigen::Vector2f> outline;
+  if (keyframe.board) {
+    const auto& c = keyframe.board->corners_px;
+    const auto cols = static_cast<std::size_t>(board->cols);
+    outline = {c.front(), c[cols - 1], c.back(), c[c.size() - cols]};
+  }
+  keyframe.tracks = tracker.track(image, rotation, outline);
+  last_tracks = image.stamp;
+  if (keyframe.tracks.size() < 20) ++diagnostics.counts["images with few features"];
+  return keyframe;
+}
+
+void VisualInertialCalibrator::Impl::advance() {
+  // Before the start nothing depends on inertial data; after it a picture waits for its own.
+  while (!images.empty()) {
+    const ImageFrame image = images.front();
+    const TimeNs offset = toNs(window.state().calibration.camera_time_offset_s);
+    if (started && (window.imu().empty() || image.stamp + offset > window.imu().lastStamp())) return;
+    images.pop_front();
+    VisualKeyframe keyframe = look(image);
+    if (!started) {
+      explored.push_back(std::move(keyframe));
+      while (toSeconds(explored.back().stamp - explored.front().stamp) > params.initialization_s) explored.pop_front();
+      continue;
+    }
+    window.extendTo(image.stamp + offset);
+    window.addFrame(thinTracks(keyframe, params.track_rate_hz));
+    unreported.push_back(std::move(keyframe));
+    if (toSeconds(window.state().nodes.back().stamp - last_solve) >= params.solve_period_s) solve();
+  }
+}
+
+bool VisualInertialCalibrator::Impl::tryToStart() {
+  if (explored.empty()) return false;
+  const TimeNs now = explored.back().stamp;
+  if (toSeconds(now - explored.front().stamp) < kFirstTry_s) return false;
+  if (last_try && toSeconds(now - *last_try) < kTryPeriod_s) return false;
+  last_try = now;
+  std::string reason;
+  const CameraExploration exploration(camera, board);
+  const auto alignment = exploration.align(window.imu(), {explored.begin(), explored.end()}, &reason);
+  if (!alignment) {
+    diagnostics.stage = "waiting for motion";
+    diagnostics.message = estimate.message = reason;
+    return false;
+  }
+  startWindow(*alignment);
+  return true;
+}
+
+void VisualInertialCalibrator::Impl::startWindow(const Alignment& alignment) {
+  Calibration calibration;
+  calibration.T_imu_camera = alignment.T_imu_sensor;
+  calibration.camera_time_offset_s = alignment.time_offset_s;
+  startNodes(alignment, calibration, &window);
+  const TimeNs offset = toNs(alignment.time_offset_s);
+  const TimeNs first = window.state().nodes.front().stamp, last = window.state().nodes.back().stamp;
+  for (VisualKeyframe& keyframe : explored) {
+    const TimeNs stamp = keyframe.stamp + offset;
+    if (stamp < first) continue;
+    if (stamp > last) window.extendTo(stamp);
+    window.addFrame(thinTracks(keyframe, params.track_rate_hz));
+    unreported.push_back(std::move(keyframe));
+  }
+  explored.clear();
+  for (int round = 0; round < kStartRounds; ++round) {
+    window.relink(false, 0.0);
+    window.optimize(kStartIterations);
+  }
+  started = true;
+  last_solve = window.state().nodes.back().stamp;
+  diagnostics.stage = "refining";
+  publish();
+}
+
+void VisualInertialCalibrator::Impl::solve() {
+  last_solve = window.state().nodes.back().stamp;
+  window.relink(false, 0.0);
+  if (window.optimize(kIterations).failed) ++diagnostics.counts["failed solves"];
+  const TimeNs oldest = last_solve - toNs(params.window_s);
+  if (window.state().nodes.front().stamp < oldest && !window.marginalizeBefore(oldest)) {
+    ++diagnostics.counts["failed marginalizations"];
+  }
+  publish();
+}
+
+void VisualInertialCalibrator::Impl::publish() {
+  Matrix14d covariance;
+  if (!window.calibrationCovariance(&covariance)) {
+    ++diagnostics.counts["covariances refused"];
+    return;
+  }
+  const WindowState& state = window.state();
+  estimate.stamp = state.nodes.back().stamp;
+  estimate.calibration = state.calibration;
+  estimate.covariance = covariance;
+  estimate.gyro_bias = state.nodes.back().gyro_bias;
+  estimate.accel_bias = state.nodes.back().accel_bias;
+  estimate.gravity = state.gravity;
+  const CameraGroup& group = *window.camera();
+  estimate.quality.board_views = group.boardViews();
+  estimate.quality.reprojection_rms_px = group.sawBoard() ? group.cornerRms() : group.trackRms();
+  estimate.quality.keyframes = static_cast<int>(state.nodes.size());
+  judgeEstimate(true, false, ObservabilityThresholds(), &estimate);
+  diagnostics.message = estimate.message;
+}
+
+std::vector<VisualKeyframe> VisualInertialCalibrator::Impl::takeKeyframes() {
+  std::vector<VisualKeyframe> keyframes;
+  const WindowState& state = window.state();
+  const TimeNs offset = toNs(state.calibration.camera_time_offset_s);
+  while (!unreported.empty() && unreported.front().stamp + offset <= last_solve) {
+    VisualKeyframe keyframe = thinTracks(unreported.front(), params.track_rate_hz);
+    const int node = nodeAt(state.nodes, keyframe.stamp + offset);
+    keyframe.state = state.nodes[static_cast<std::size_t>(node)];
+    keyframes.push_back(std::move(keyframe));
+    unreported.pop_front();
+  }
+  return keyframes;
+}
+
+CalibrationEstimate VisualInertialCalibrator::estimate() const { return impl_->estimate; }
+
+void VisualInertialCalibrator::setJointCalibration(const Calibration& calibration) {
+  Impl& m = *impl_;
+  if (!m.started) return;
+  Calibration own = m.window.state().calibration;
+  own.T_imu_camera = calibration.T_imu_camera;
+  own.camera_time_offset_s = calibration.camera_time_offset_s;
+  m.window.setLinearization(own);
+}
+
+CalibratorDiagnostics VisualInertialCalibrator::diagnostics() const {
+  CalibratorDiagnostics out = impl_->diagnostics;
+  out.counts["imu samples dropped"] = impl_->inbox.dropped();
+  out.counts["imu samples refused"] = impl_->inbox.refused();
+  return out;
+}
+
+void VisualInertialCalibrator::reset() {
+  Impl& m = *impl_;
+  m.window.imu().clear();
+  m.tracker.reset();
+  m.started = false;
+  m.last_image.reset();
+  m.last_tracks.reset();
+  m.last_try.reset();
+  m.images.clear();
+  m.explored.clear();
+  m.waiting.clear();
+  m.unreported.clear();
+  m.last_solve = 0;
+  m.estimate = CalibrationEstimate();
+  m.diagnostics.stage = "waiting for imu";
+  m.diagnostics.message = m.estimate.message = "waiting for inertial data and pictures";
+}
+
+}  // namespace cocalib

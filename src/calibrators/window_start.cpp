@@ -1,0 +1,25 @@
+#include "cocalib/calibrators/window_start.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace cocalib {
+
+void startNodes(const Alignment& alignment, const Calibration& calibration, InertialWindow* window) {
+  constexpr double kSpacing_s = 0.05;
+  window->reset(alignment.states.front(), calibration, alignment.gravity);
+  for (std::size_t i = 0; i + 1 < alignment.states.size(); ++i) {
+    const NavState& from = alignment.states[i];
+    const NavState& to = alignment.states[i + 1];
+    std::vector<ImuSample> samples = window->imu().slice(from.stamp, to.stamp);
+    if (samples.size() < 2) continue;
+    const Preintegration segment(std::move(samples), ImuNoise(), from.gyro_bias, from.accel_bias);
+    const int steps = std::max(1, static_cast<int>(std::ceil(segment.duration() / kSpacing_s - 1e-3)));
+    for (int k = 1; k < steps; ++k) {
+      window->addNode(propagate(segment, from, alignment.gravity, from.stamp + (to.stamp - from.stamp) * k / steps));
+    }
+    window->addNode(to);
+  }
+}
+
+}  // namespace cocalib
