@@ -153,7 +153,7 @@ void readCovariance(YamlSection* top, Matrix14d* covariance) {
     const YAML::Node row = rows[static_cast<std::size_t>(i)];
     if (!row.IsSequence() || row.size() != 14) malformed();
     for (Eigen::Index j = 0; j < 14; ++j) {
-      if (!YAML::convert<double>::decode(row[static_cast<std::size_t>(j)], (*covariance)(i, j))) malformed();
+      if (!decodeNumber(row[static_cast<std::size_t>(j)], &(*covariance)(i, j))) malformed();
     }
   }
 }

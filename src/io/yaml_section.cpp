@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <locale>
 #include <numeric>
 #include <sstream>
@@ -41,7 +42,7 @@ std::size_t editDistance(const std::string& a, const std::string& b) {
 
 std::string nearestKey(const std::string& key, const std::set<std::string>& known) {
   std::string nearest;
-  std::size_t smallest = std::max<std::size_t>(2, key.size() / 2) + 1;
+  std::size_t smallest = std::max<std::size_t>(2, key.size() / 3) + 1;
   for (const std::string& candidate : known) {
     const std::size_t distance = editDistance(key, candidate);
     if (distance < smallest) {
@@ -62,6 +63,21 @@ std::string quote(const YAML::Node& value) {
 }
 
 }  // namespace
+
+bool decodeNumber(const YAML::Node& node, double* number) {
+  if (!node.IsScalar()) return false;
+  const std::string text = node.Scalar();
+  const bool negative = !text.empty() && text.front() == '-';
+  const std::string word = text.substr(negative ? 1 : 0);
+  if (word == ".nan" || word == ".inf") {
+    using Limits = std::numeric_limits<double>;
+    *number = word == ".nan" ? Limits::quiet_NaN() : (negative ? -1.0 : 1.0) * Limits::infinity();
+    return true;
+  }
+  std::istringstream in(text);
+  in.imbue(std::locale::classic());
+  return in >> *number && in.peek() == std::istringstream::traits_type::eof();
+}
 
 YamlSection::YamlSection(const YAML::Node& node, std::string file, std::string name)
     : node_(node), file_(std::move(file)), name_(std::move(name)) {
@@ -86,7 +102,14 @@ void YamlSection::fail(const std::string& key, const std::string& why) const {
 YAML::Node YamlSection::require(const std::string& key) {
   known_.insert(key);
   const YAML::Node value = static_cast<const YAML::Node&>(node_)[key];
-  if (!value.IsDefined()) fail(key, "is missing");
+  if (!value.IsDefined()) {
+    std::set<std::string> others;
+    for (const auto& entry : node_) {
+      if (known_.count(entry.first.Scalar()) == 0) others.insert(entry.first.Scalar());
+    }
+    const std::string misspelt = nearestKey(key, others);
+    fail(key, misspelt.empty() ? "is missing" : "is missing; is '" + misspelt + "' meant to be it?");
+  }
   if (value.IsNull()) fail(key, "is empty");
   return value;
 }
@@ -118,7 +141,7 @@ std::string YamlSection::word(const std::string& key, const std::vector<std::str
 
 double YamlSection::scalar(const YAML::Node& value, const std::string& key) const {
   double number = 0.0;
-  if (!value.IsScalar() || !YAML::convert<double>::decode(value, number)) fail(key, "must be a number");
+  if (!decodeNumber(value, &number)) fail(key, "must be a number");
   return number;
 }
 

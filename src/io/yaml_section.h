@@ -15,6 +15,9 @@ class YamlError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+/// Decimal number, .inf, -.inf or .nan, whatever the locale (yaml-cpp minds it); false for anything else.
+bool decodeNumber(const YAML::Node& node, double* number);
+
 /// One mapping of a YAML file, read strictly: every value is checked, and finish() refuses the keys that nobody asked
 /// for.
 class YamlSection {

@@ -145,7 +145,7 @@ lidar:
 
 TEST(RigFile, UnknownKeysAreRefusedWithTheNearestKnown) {
   expectRefusal(replaced(kFull, "gyroscope_noise_density", "gyroscope_noise_desnity"),
-                {"line 4", "imu: gyroscope_noise_d"});
+                {"'imu: gyroscope_noise_density': is missing", "'gyroscope_noise_desnity'"});
   expectRefusal(kImu + kLidar + "camra: {}\n", {"'camra'", "unknown key", "did you mean 'camera'"});
   expectRefusal(replaced(kFull, "range_noise: 0.03", "range_noise: 0.03, rangenoise: 0.03"),
                 {"lidar: rangenoise", "did you mean 'range_noise'"});
@@ -178,7 +178,7 @@ TEST(RigFile, WrongTypesAndImpossibleNumbersAreRefused) {
   expectRefusal(kFull + "initial_guess: {T_imu_lidar: {rotation_xyzw: [1, 1, 1, 1]}}", {"rotation_xyzw", "length 1"});
   expectRefusal(kFull + "initial_guess: {T_imu_lidar: {translation: [1, 1]}}", {"translation", "3 numbers"});
   expectRefusal(kFull + "initial_guess: {T_imu_lidar: {translation: [1, 1, 1e4]}}", {"translation", "100 m"});
-  expectRefusal(kFull + "initial_guess: {T_camera_imu: {}}", {"T_camera_imu", "did you mean 'T_imu_camera'"});
+  expectRefusal(kFull + "initial_guess: {T_camera_imu: {}}", {"T_camera_imu", "known: T_imu_camera | T_imu_lidar"});
 }
 
 TEST(RigFile, WhatIsNoRigFileIsRefused) {
