@@ -1,0 +1,26 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <opencv2/core/mat.hpp>
+
+namespace cocalib {
+
+/// One curve of a chart, with a band of one sigma to both sides.
+struct Curve {
+  struct Point {
+    double x, y, sigma;
+  };
+  std::string name;
+  std::vector<Point> points;  ///< in order of x
+};
+
+/// Draws curves over seconds into `panel` (BGR, any size from 200x120). The y range is that of the later two thirds:
+/// what happens before the estimate has settled would flatten the rest, and leaves the picture instead.
+void drawChart(const std::string& title, const std::vector<Curve>& curves, cv::Mat* panel);
+
+/// One line of text in the middle of the picture.
+void drawCaption(const std::string& text, cv::Mat* image);
+
+}  // namespace cocalib

@@ -1,0 +1,137 @@
+#include "cocalib/ros/line_chart.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+
+#include <opencv2/imgproc.hpp>
+
+namespace cocalib {
+namespace {
+
+constexpr double kBandOpacity = 0.18;
+constexpr int kFont = cv::FONT_HERSHEY_SIMPLEX;
+constexpr double kFontScale = 0.42;
+const cv::Scalar kInk(60, 60, 60), kGrid(225, 225, 225);
+const std::array<cv::Scalar, 3> kColours = {cv::Scalar(40, 40, 210), cv::Scalar(40, 140, 30), cv::Scalar(210, 90, 30)};
+
+/// Data to pixels of one panel.
+struct Axes {
+  cv::Rect area;
+  double x_max = 1.0, y_max = 1.0;  // x from 0, y symmetric about 0
+
+  cv::Point at(double x, double y) const {
+    // Far outside is clamped: cv::line takes shorts times a fixed-point factor.
+    const double px = area.x + std::clamp(x / x_max, -1.0, 2.0) * area.width;
+    const double py = area.y + 0.5 * (1.0 - std::clamp(y / y_max, -4.0, 4.0)) * area.height;
+    return {static_cast<int>(std::lround(px)), static_cast<int>(std::lround(py))};
+  }
+};
+
+/// 1, 2 or 5 times a power of ten, at least `value`.
+double roundUp(double value) {
+  const double base = std::pow(10.0, std::floor(std::log10(value)));
+  for (const double factor : {1.0, 2.0, 5.0}) {
+    if (factor * base >= value * (1.0 - 1e-9)) return factor * base;
+  }
+  return 10.0 * base;
+}
+
+Axes fitAxes(const std::vector<Curve>& curves, const cv::Rect& area) {
+  Axes axes;
+  axes.area = area;
+  double x_max = 0.0, y_max = 0.0;
+  for (const Curve& curve : curves) {
+    if (!curve.points.empty()) x_max = std::max(x_max, curve.points.back().x);
+  }
+  for (const Curve& curve : curves) {
+    for (const Curve::Point& point : curve.points) {
+      if (point.x >= x_max / 3.0) y_max = std::max(y_max, std::abs(point.y) + point.sigma);
+    }
+  }
+  axes.x_max = x_max > 0.0 ? x_max : 1.0;
+  axes.y_max = roundUp(std::max(y_max, 1e-4));
+  return axes;
+}
+
+std::string format(double value) {
+  char text[32];
+  std::snprintf(text, sizeof(text), "%.3g", value);
+  return text;
+}
+
+void write(const std::string& text, const cv::Point& at, const cv::Scalar& colour, cv::Mat* panel) {
+  cv::putText(*panel, text, at, kFont, kFontScale, colour, 1, cv::LINE_AA);
+}
+
+void drawFrame(const std::string& title, const Axes& axes, cv::Mat* panel) {
+  for (const double part : {-1.0, -0.5, 0.0, 0.5, 1.0}) {
+    const cv::Point left = axes.at(0.0, part * axes.y_max);
+    cv::line(*panel, left, {left.x + axes.area.width, left.y}, part == 0.0 ? cv::Scalar::all(150) : kGrid);
+    const std::string label = format(part * axes.y_max);
+    const int width = cv::getTextSize(label, kFont, kFontScale, 1, nullptr).width;
+    write(label, {axes.area.x - width - 4, left.y + 4}, kInk, panel);
+  }
+  for (int i = 0; i <= 4; ++i) {
+    const double x = axes.x_max * i / 4.0;
+    const cv::Point top = axes.at(x, axes.y_max);
+    cv::line(*panel, top, {top.x, axes.area.y + axes.area.height}, kGrid);
+    char label[16];
+    std::snprintf(label, sizeof(label), "%.0f s", x);
+    write(label, {std::min(top.x, panel->cols - 34), axes.area.y + axes.area.height + 15}, kInk, panel);
+  }
+  cv::rectangle(*panel, axes.area, cv::Scalar::all(120));
+  write(title, {axes.area.x, axes.area.y - 7}, cv::Scalar::all(0), panel);
+}
+
+void fillBand(const Curve& curve, const Axes& axes, const cv::Scalar& colour, cv::Mat* panel) {
+  std::vector<cv::Point> outline;
+  for (const Curve::Point& point : curve.points) outline.push_back(axes.at(point.x, point.y + point.sigma));
+  for (auto point = curve.points.rbegin(); point != curve.points.rend(); ++point) {
+    outline.push_back(axes.at(point->x, point->y - point->sigma));
+  }
+  cv::Mat filled = panel->clone();
+  cv::fillPoly(filled, std::vector<std::vector<cv::Point>>{outline}, colour);
+  cv::addWeighted(filled, kBandOpacity, *panel, 1.0 - kBandOpacity, 0.0, *panel);
+}
+
+void drawCurve(const Curve& curve, const Axes& axes, const cv::Scalar& colour, cv::Mat* panel) {
+  for (std::size_t i = 0; i < curve.points.size(); ++i) {
+    const cv::Point here = axes.at(curve.points[i].x, curve.points[i].y);
+    cv::circle(*panel, here, 2, colour, cv::FILLED, cv::LINE_AA);
+    if (i == 0) continue;
+    cv::line(*panel, axes.at(curve.points[i - 1].x, curve.points[i - 1].y), here, colour, 1, cv::LINE_AA);
+  }
+}
+
+}  // namespace
+
+void drawChart(const std::string& title, const std::vector<Curve>& curves, cv::Mat* panel) {
+  const cv::Rect area(52, 24, panel->cols - 52 - 14, panel->rows - 24 - 24);
+  const Axes axes = fitAxes(curves, area);
+  cv::Mat inside = *panel;
+  drawFrame(title, axes, panel);
+  // Curves may leave the area: draw on a copy, take back only the area.
+  cv::Mat drawn = panel->clone();
+  for (std::size_t i = 0; i < curves.size(); ++i) {
+    if (curves[i].points.size() > 1) fillBand(curves[i], axes, kColours[i % kColours.size()], &drawn);
+  }
+  for (std::size_t i = 0; i < curves.size(); ++i) drawCurve(curves[i], axes, kColours[i % kColours.size()], &drawn);
+  drawn(area).copyTo(inside(area));
+  int right = panel->cols - 14;
+  for (std::size_t i = curves.size(); i-- > 0;) {
+    if (curves[i].points.empty()) continue;
+    const std::string text = curves[i].name + " +-" + format(curves[i].points.back().sigma);
+    right -= cv::getTextSize(text, kFont, kFontScale, 1, nullptr).width + 8;
+    write(text, {right, area.y - 7}, kColours[i % kColours.size()], panel);
+  }
+}
+
+void drawCaption(const std::string& text, cv::Mat* image) {
+  const cv::Size size = cv::getTextSize(text, kFont, 0.7, 1, nullptr);
+  cv::putText(*image, text, {(image->cols - size.width) / 2, (image->rows + size.height) / 2}, kFont, 0.7, kInk, 1,
+              cv::LINE_AA);
+}
+
+}  // namespace cocalib

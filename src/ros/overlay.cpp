@@ -1,0 +1,192 @@
+#include "cocalib/ros/overlay.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include <opencv2/imgproc.hpp>
+
+namespace cocalib {
+namespace {
+
+constexpr double kNearM = 1.0, kFarM = 10.0;  // ends of the colour scale, logarithmic
+constexpr int kLegendHeight = 26;             // px, above the picture
+
+/// Rotation of the IMU relative to one instant, by integrating the gyro to both sides of it.
+class GyroPath {
+ public:
+  GyroPath(const std::vector<ImuSample>& imu, const Eigen::Vector3d& bias, TimeNs origin) : origin_(origin) {
+    Eigen::Quaterniond q = Eigen::Quaterniond::Identity();
+    for (std::size_t i = 0; i < imu.size(); ++i) {
+      if (i > 0) {
+        const double dt = toSeconds(imu[i].stamp - imu[i - 1].stamp);
+        q = q * expSo3((0.5 * (imu[i].gyro + imu[i - 1].gyro) - bias) * dt);
+      }
+      knots_.push_back({imu[i].stamp, q});
+    }
+    q_start_origin_ = fromStart(origin);
+  }
+
+  /// R_I(origin)_I(stamp)
+  Eigen::Quaterniond rotation(TimeNs stamp) const { return q_start_origin_.conjugate() * fromStart(stamp); }
+  TimeNs origin() const { return origin_; }
+
+ private:
+  struct Knot {
+    TimeNs stamp;
+    Eigen::Quaterniond q_start_here;
+  };
+
+  Eigen::Quaterniond fromStart(TimeNs stamp) const {
+    if (knots_.empty()) return Eigen::Quaterniond::Identity();
+    const auto after = std::upper_bound(knots_.begin(), knots_.end(), stamp,
+                                        [](TimeNs time, const Knot& knot) { return time < knot.stamp; });
+    if (after == knots_.begin()) return knots_.front().q_start_here;
+    if (after == knots_.end()) return knots_.back().q_start_here;
+    const auto before = after - 1;
+    const double part = static_cast<double>(stamp - before->stamp) / static_cast<double>(after->stamp - before->stamp);
+    return before->q_start_here.slerp(part, after->q_start_here);
+  }
+
+  TimeNs origin_;
+  std::vector<Knot> knots_;
+  Eigen::Quaterniond q_start_origin_ = Eigen::Quaterniond::Identity();
+};
+
+/// How the IMU stood at times near the picture, seen from where it stood at the picture.
+class MotionAroundPicture {
+ public:
+  MotionAroundPicture(const OverlayScene& scene, const Calibration& calibration)
+      : image_time_(scene.image.stamp + toNs(calibration.camera_time_offset_s)),
+        gyro_(scene.imu, scene.state ? scene.state->gyro_bias : Eigen::Vector3d::Zero(), image_time_) {
+    if (!scene.state) return;
+    // Velocity at the state, in the frame of the IMU at the picture.
+    const Eigen::Quaterniond q_image_state = gyro_.rotation(scene.state->stamp);
+    velocity_ = q_image_state * (scene.state->T_W_I.q.conjugate() * scene.state->v_W);
+  }
+
+  Pose T_image_at(TimeNs stamp) const {
+    return {gyro_.rotation(stamp), velocity_ * toSeconds(stamp - image_time_)};
+  }
+
+ private:
+  TimeNs image_time_;
+  GyroPath gyro_;
+  Eigen::Vector3d velocity_ = Eigen::Vector3d::Zero();
+};
+
+cv::Scalar rangeColour(double range_m) {
+  static const cv::Mat table = [] {
+    cv::Mat ramp(1, 256, CV_8UC1), colours;
+    for (int i = 0; i < 256; ++i) ramp.at<std::uint8_t>(0, i) = static_cast<std::uint8_t>(255 - i);
+    cv::applyColorMap(ramp, colours, cv::COLORMAP_JET);
+    return colours;
+  }();
+  const double part = std::log(std::max(range_m, kNearM) / kNearM) / std::log(kFarM / kNearM);
+  const auto& colour = table.at<cv::Vec3b>(0, static_cast<int>(std::clamp(part, 0.0, 1.0) * 255.0));
+  return {static_cast<double>(colour[0]), static_cast<double>(colour[1]), static_cast<double>(colour[2])};
+}
+
+cv::Point toPixel(const Eigen::Vector2d& px) {
+  return {static_cast<int>(std::lround(px.x())), static_cast<int>(std::lround(px.y()))};
+}
+
+/// Corners of the plate in frame B; the pattern stands in its middle. Without a given size: one square around the
+/// inner corners.
+std::array<Eigen::Vector3d, 4> plateCorners(const BoardGeometry& board) {
+  const Eigen::Vector3d centre(0.5 * (board.cols - 1) * board.square_m, 0.5 * (board.rows - 1) * board.square_m, 0.0);
+  const double half_width = 0.5 * board.width_m.value_or((board.cols + 1) * board.square_m);
+  const double half_height = 0.5 * board.height_m.value_or((board.rows + 1) * board.square_m);
+  const Eigen::Vector3d x = half_width * Eigen::Vector3d::UnitX(), y = half_height * Eigen::Vector3d::UnitY();
+  return {centre - x - y, centre + x - y, centre + x + y, centre - x + y};
+}
+
+void drawPlate(const Pose& T_C_B, const BoardGeometry& board, const CameraModel& camera, cv::Mat* picture) {
+  constexpr int kSteps = 24;  // per side: distortion bends the edges
+  const std::array<Eigen::Vector3d, 4> corners = plateCorners(board);
+  for (int side = 0; side < 4; ++side) {
+    std::optional<Eigen::Vector2d> last;
+    for (int step = 0; step <= kSteps; ++step) {
+      const double part = static_cast<double>(step) / kSteps;
+      const Eigen::Vector3d p_B = (1.0 - part) * corners[side] + part * corners[(side + 1) % 4];
+      const std::optional<Eigen::Vector2d> px = camera.project(T_C_B * p_B);
+      const bool usable = px && camera.inImage(*px, -100.0);
+      if (usable && last) cv::line(*picture, toPixel(*last), toPixel(*px), {255, 0, 255}, 2, cv::LINE_AA);
+      last = usable ? px : std::nullopt;
+    }
+  }
+}
+
+cv::Mat drawLegend(int width, const std::string& caption) {
+  constexpr int kBarWidth = 160;
+  cv::Mat legend(kLegendHeight, width, CV_8UC3, cv::Scalar::all(30));
+  cv::putText(legend, caption, {8, 18}, cv::FONT_HERSHEY_SIMPLEX, 0.5, cv::Scalar::all(235), 1, cv::LINE_AA);
+  const int left = width - kBarWidth - 60;
+  if (left < 200) return legend;
+  for (int i = 0; i < kBarWidth; ++i) {
+    const double range_m = kNearM * std::pow(kFarM / kNearM, static_cast<double>(i) / kBarWidth);
+    cv::line(legend, {left + i, 8}, {left + i, 18}, rangeColour(range_m));
+  }
+  cv::putText(legend, "1 m", {left - 32, 18}, cv::FONT_HERSHEY_SIMPLEX, 0.42, cv::Scalar::all(235), 1, cv::LINE_AA);
+  cv::putText(legend, "10 m", {left + kBarWidth + 5, 18}, cv::FONT_HERSHEY_SIMPLEX, 0.42, cv::Scalar::all(235), 1,
+              cv::LINE_AA);
+  return legend;
+}
+
+}  // namespace
+
+std::vector<Eigen::Vector3d> pointsInCamera(const OverlayScene& scene, const Calibration& calibration) {
+  const MotionAroundPicture motion(scene, calibration);
+  const Pose T_C_I = calibration.T_imu_camera.inverse();
+  const TimeNs scan_time = scene.scan.stamp + toNs(calibration.lidar_time_offset_s);
+  std::vector<Eigen::Vector3d> points_C;
+  points_C.reserve(scene.scan.points.size());
+  for (const LidarPoint& point : scene.scan.points) {
+    const Eigen::Vector3d p_I = calibration.T_imu_lidar * point.p.cast<double>();
+    points_C.push_back(T_C_I * (motion.T_image_at(scan_time + toNs(point.offset_s)) * p_I));
+  }
+  return points_C;
+}
+
+int countVisible(const OverlayScene& scene, const Calibration& calibration, const CameraModel& camera) {
+  int visible = 0;
+  for (const Eigen::Vector3d& p_C : pointsInCamera(scene, calibration)) {
+    const std::optional<Eigen::Vector2d> px = camera.project(p_C);
+    if (px && camera.inImage(*px)) ++visible;
+  }
+  return visible;
+}
+
+cv::Mat drawOverlay(const OverlayScene& scene, const OverlayCalibration& with, const CameraModel& camera,
+                    const std::optional<BoardGeometry>& board) {
+  cv::Mat picture;
+  cv::cvtColor(scene.image.gray, picture, cv::COLOR_GRAY2BGR);
+  const int radius = std::max(1, picture.cols / 500);
+  for (const Eigen::Vector3d& p_C : pointsInCamera(scene, with.calibration)) {
+    const std::optional<Eigen::Vector2d> px = camera.project(p_C);
+    if (!px || !camera.inImage(*px)) continue;
+    cv::circle(picture, toPixel(*px), radius, rangeColour(p_C.norm()), cv::FILLED, cv::LINE_AA);
+  }
+  if (board && with.T_W_B && scene.state) {
+    const MotionAroundPicture motion(scene, with.calibration);
+    const Pose T_state_B = scene.state->T_W_I.inverse() * *with.T_W_B;
+    const Pose T_C_B = with.calibration.T_imu_camera.inverse() * motion.T_image_at(scene.state->stamp) * T_state_B;
+    drawPlate(T_C_B, *board, camera, &picture);
+  }
+  cv::Mat whole;
+  cv::vconcat(drawLegend(picture.cols, with.caption), picture, whole);
+  return whole;
+}
+
+Calibration nominalCalibration(const std::optional<Pose>& guess_T_imu_camera,
+                               const std::optional<Pose>& guess_T_imu_lidar) {
+  Calibration nominal;
+  Eigen::Matrix3d R_I_C;
+  R_I_C << 0, 0, 1, -1, 0, 0, 0, -1, 0;
+  nominal.T_imu_camera.q = Eigen::Quaterniond(R_I_C);
+  if (guess_T_imu_camera) nominal.T_imu_camera = *guess_T_imu_camera;
+  if (guess_T_imu_lidar) nominal.T_imu_lidar = *guess_T_imu_lidar;
+  return nominal;
+}
+
+}  // namespace cocalib

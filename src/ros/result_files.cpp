@@ -1,0 +1,56 @@
+#include "cocalib/ros/result_files.h"
+
+#include <unistd.h>
+
+#include <filesystem>
+#include <stdexcept>
+#include <system_error>
+#include <vector>
+
+#include <opencv2/imgcodecs.hpp>
+
+#include "cocalib/io/result_file.h"
+
+namespace cocalib {
+namespace {
+
+void writePicture(const std::string& path, const cv::Mat& picture) {
+  std::vector<std::uint8_t> bytes;
+  if (!cv::imencode(".png", picture, bytes)) throw std::runtime_error(path + ": the picture could not be encoded");
+  writeFileAtomically(path, std::string(bytes.begin(), bytes.end()));
+}
+
+void writeOverlays(const std::string& directory, const RigConfig& rig, const RunResult& result) {
+  const OverlayCalibration before = {nominalCalibration(rig.guess_T_imu_camera, rig.guess_T_imu_lidar), std::nullopt,
+                                     rig.guess_T_imu_camera || rig.guess_T_imu_lidar
+                                         ? "before: the initial guess"
+                                         : "before: nothing known, axes parallel"};
+  const OverlayCalibration after = {result.estimate.calibration, result.T_W_B,
+                                    std::string("after: ") + toString(result.estimate.status)};
+  writePicture(directory + "/overlay_before.png", drawOverlay(*result.scene, before, *result.camera, rig.target));
+  writePicture(directory + "/overlay_after.png", drawOverlay(*result.scene, after, *result.camera, rig.target));
+}
+
+}  // namespace
+
+void prepareOutputDirectory(const std::string& directory) {
+  std::error_code error;
+  std::filesystem::create_directories(directory, error);
+  if (!std::filesystem::is_directory(directory)) {
+    throw std::runtime_error(directory + ": cannot be made (" + (error ? error.message() : "it is a file") +
+                             "); choose another output directory");
+  }
+  if (access(directory.c_str(), W_OK) != 0) {
+    throw std::runtime_error(directory + ": cannot be written to; choose another output directory");
+  }
+}
+
+void writeResultFiles(const std::string& directory, const RigConfig& rig, const RunResult& result) {
+  const ResultContents contents = {rig.camera.has_value(), rig.lidar.has_value()};
+  writeFileAtomically(directory + "/calibration.yaml", formatResult(result.estimate, contents));
+  writeFileAtomically(directory + "/convergence.csv", result.log.csv());
+  writePicture(directory + "/convergence.png", result.log.draw());
+  if (result.scene && result.camera) writeOverlays(directory, rig, result);
+}
+
+}  // namespace cocalib
