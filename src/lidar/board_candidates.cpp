@@ -17,6 +17,7 @@ constexpr int kShifts = 6;            // from a corner of the plate to its middl
 constexpr double kReach = 0.6;        // of the diagonal: a circle that holds the whole plate and a bit more
 constexpr double kSurround = 0.85;    // of the diagonal: outer radius of the surround
 constexpr double kMaxSurround = 0.5;  // points per area in the surround, against the circle: 1 within a wall
+constexpr double kFewPoints = 30.0;   // at so many the score is halved: chance fits them too
 constexpr std::size_t kMaxCandidates = 8;
 
 /// Points by cubic cells, to gather those near a place.
@@ -118,7 +119,9 @@ BoardCandidate candidateFrom(const plate::Sweep& sweep, const plate::Patch& patc
   const Eigen::Vector2d half = patch.rectangle.half_m;
   const Eigen::Vector2d nominal(2.0 * half.maxCoeff(), 2.0 * half.minCoeff());
   const double size_error = (candidate.extent_m - nominal).cwiseAbs().cwiseQuotient(nominal).maxCoeff();
-  candidate.score = std::max(0.0, 1.0 - patch.misfit) * std::max(0.0, 1.0 - size_error);
+  const auto points = static_cast<double>(patch.members.size());
+  candidate.score =
+      std::max(0.0, 1.0 - patch.misfit) * std::max(0.0, 1.0 - size_error) * points / (points + kFewPoints);
   return candidate;
 }
 

@@ -13,13 +13,17 @@ constexpr double kCoarseScale_m = 0.06;  // transition of the outline while its 
 constexpr double kFineScale_m = 0.02;    // and at last: about the spacing of beams at 3 m
 constexpr int kRollStarts = 12;          // every 15 degrees
 constexpr int kRefinedStarts = 3;
+constexpr std::size_t kSearchPoints = 150;  // of each kind, for the search
 constexpr int kMinMembers = 20;
-constexpr double kRim_m = 0.02;         // beams this near the outline do not count for or against
-constexpr double kBand_m = 0.12;        // width of the surround that must be empty
-constexpr double kMaxHoles = 0.15;      // share of beams through the plate
-constexpr double kMaxBlocked = 0.5;     // share of beams stopped before it
-constexpr double kMaxContinued = 0.35;  // share of beams in the surround that lie on the plane (a stand, a hand)
-constexpr double kSideContinued = 0.6;  // the same of one side, to call the side continued
+constexpr int kMinRows = 2;              // rings on the plate
+constexpr int kMinRowsUnpredicted = 3;   // fewer fit anything
+constexpr double kSizeTolerance = 0.12;  // of a side's length
+constexpr double kRim_m = 0.02;          // beams this near the outline do not count for or against
+constexpr double kBand_m = 0.12;         // width of the surround that must be empty
+constexpr double kMaxHoles = 0.15;       // share of beams through the plate
+constexpr double kMaxBlocked = 0.5;      // share of beams stopped before it
+constexpr double kMaxContinued = 0.35;   // share of beams in the surround that lie on the plane (a stand, a hand)
+constexpr double kSideContinued = 0.6;   // the same of one side, to call the side continued
 
 struct Evidence {
   std::vector<Eigen::Vector2d> on, off;
@@ -76,22 +80,69 @@ double ringGap(const Sweep& sweep, const std::vector<Row>& rows) {
   return gaps[gaps.size() / 2];
 }
 
+/// Every so-many-th point: enough to find the roll.
+std::vector<Eigen::Vector2d> thinned(const std::vector<Eigen::Vector2d>& points, std::size_t wanted) {
+  const std::size_t stride = std::max<std::size_t>(1, points.size() / wanted);
+  std::vector<Eigen::Vector2d> kept;
+  for (std::size_t i = 0; i < points.size(); i += stride) kept.push_back(points[i]);
+  return kept;
+}
+
+/// Only the points that bear on the outline's place: near it, or on its wrong side.
+Evidence nearOutline(const Evidence& evidence, const Rectangle& rectangle) {
+  const double reach = 10.0 * kFineScale_m;
+  Evidence near;
+  for (const auto& p : evidence.on) {
+    if (rectangle.signedDistance(p) > -reach) near.on.push_back(p);
+  }
+  for (const auto& p : evidence.off) {
+    if (rectangle.signedDistance(p) < reach) near.off.push_back(p);
+  }
+  return near;
+}
+
+/// Cheap look before the fit: the circle inside any plate here is filled, the one around it mostly empty.
+bool mayHoldPlate(const Evidence& evidence, const Eigen::Vector2d& middle, const Eigen::Vector2d& size_m) {
+  const double inner = 0.35 * size_m.minCoeff(), outer = 0.55 * size_m.norm();
+  int on_inside = 0, off_inside = 0, on_outside = 0, off_outside = 0;
+  for (const auto& p : evidence.on) {
+    const double radius = (p - middle).norm();
+    on_inside += radius < inner;
+    on_outside += radius > outer;
+  }
+  for (const auto& p : evidence.off) {
+    const double radius = (p - middle).norm();
+    off_inside += radius < inner;
+    off_outside += radius > outer;
+  }
+  return 2 * off_inside < on_inside && on_outside <= 0.7 * (on_outside + off_outside);
+}
+
 /// Best pose of the rectangle: from all directions of its first side, or from the given one only.
 Rectangle placeRectangle(const Evidence& evidence, const Rectangle& start, bool any_roll) {
   std::vector<std::pair<double, Rectangle>> fits;
+  const Evidence few{thinned(evidence.on, kSearchPoints), thinned(evidence.off, kSearchPoints)};
   for (int k = 0; k < (any_roll ? kRollStarts : 1); ++k) {
     Rectangle rectangle = start;
     rectangle.angle_rad += k * M_PI / kRollStarts;
-    const double loss = fitRectangle(evidence.on, evidence.off, false, kCoarseScale_m, &rectangle);
+    const double loss = fitRectangle(few.on, few.off, false, kCoarseScale_m, &rectangle);
     fits.emplace_back(loss, rectangle);
   }
   std::stable_sort(fits.begin(), fits.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
   if (fits.size() > kRefinedStarts) fits.resize(kRefinedStarts);
   for (auto& [loss, rectangle] : fits) {
-    loss = fitRectangle(evidence.on, evidence.off, false, kFineScale_m, &rectangle);
+    loss = fitRectangle(few.on, few.off, false, kFineScale_m, &rectangle);
   }
   return std::min_element(fits.begin(), fits.end(), [](const auto& a, const auto& b) { return a.first < b.first; })
       ->second;
+}
+
+/// The rectangle with its size free too.
+Rectangle fitSize(const Patch& patch) {
+  Rectangle rectangle = patch.rectangle;
+  const Evidence evidence = nearOutline(evidenceOf(patch.rows), rectangle);
+  fitRectangle(evidence.on, evidence.off, true, kFineScale_m, &rectangle);
+  return rectangle;
 }
 
 std::vector<int> membersOf(const std::vector<Row>& rows, const Rectangle& rectangle, double rim_m) {
@@ -149,33 +200,46 @@ std::optional<double> judgeFit(const Patch& patch) {
   return static_cast<double>(tally.off_inside + on) / tally.on_inside;
 }
 
-/// Whether the members reach all sides as far as the spacing of the beams lets them.
-bool coversPlate(const Patch& patch) {
-  Eigen::Vector2d low = Eigen::Vector2d::Constant(1e9), high = -low;
-  int rows_used = 0;
+/// How the beams sample the plate.
+struct Sampling {
+  int rows = 0;                                                       ///< with at least 3 returns from the plate
+  Eigen::Vector2d spacing_m = Eigen::Vector2d::Zero();                ///< of beams along the rectangle's sides
+  Eigen::Vector2d low = Eigen::Vector2d::Constant(1e9), high = -low;  ///< of the returns along the sides
+};
+
+Sampling samplingOf(const Patch& patch) {
+  Sampling sampling;
   Eigen::Vector2d along_row = Eigen::Vector2d::UnitX();
   for (const Row& row : patch.rows) {
     int count = 0;
     Eigen::Vector2d first = Eigen::Vector2d::Zero(), last = first;
     for (const Beam& beam : row.beams) {
       if (beam.verdict != Verdict::kOn || patch.rectangle.signedDistance(beam.hit) > kRim_m) continue;
-      const Eigen::Vector2d q = patch.rectangle.local(beam.hit);
-      low = low.cwiseMin(q);
-      high = high.cwiseMax(q);
-      if (count++ == 0) first = q;
-      last = q;
+      last = patch.rectangle.local(beam.hit);
+      sampling.low = sampling.low.cwiseMin(last);
+      sampling.high = sampling.high.cwiseMax(last);
+      if (count++ == 0) first = last;
     }
     if (count < 3) continue;
-    ++rows_used;
+    ++sampling.rows;
     if ((last - first).norm() > 0.1) along_row = (last - first).normalized();
   }
+  const Eigen::Vector2d along = along_row.cwiseAbs(), across(along.y(), along.x());
+  sampling.spacing_m = patch.step_m * along + patch.gap_m * across;
+  return sampling;
+}
+
+/// Whether the returns reach all sides, and the plate is as large as it should be, as far as the beams' spacing tells.
+bool hasPlateSize(const Patch& patch, int min_rows) {
+  const Sampling sampling = samplingOf(patch);
   const bool ringless = patch.rows.size() == 1 && patch.rows.front().ring < 0;
-  if (!ringless && rows_used < 2) return false;
+  if (!ringless && sampling.rows < min_rows) return false;
+  const Eigen::Vector2d size = 2.0 * patch.rectangle.half_m;
+  const Eigen::Vector2d reached = sampling.high - sampling.low;
+  const Eigen::Vector2d measured = 2.0 * fitSize(patch).half_m;
   for (int axis = 0; axis < 2; ++axis) {
-    const double along = std::abs(along_row[axis]), across = std::sqrt(std::max(0.0, 1.0 - along * along));
-    const double size = 2.0 * patch.rectangle.half_m[axis];
-    const double allowed = 0.12 * size + 2.0 * (along * patch.step_m + across * patch.gap_m);
-    if (high[axis] - low[axis] < size - allowed) return false;
+    if (reached[axis] < (1.0 - kSizeTolerance) * size[axis] - 2.0 * sampling.spacing_m[axis]) return false;
+    if (std::abs(measured[axis] - size[axis]) > kSizeTolerance * size[axis] + sampling.spacing_m[axis]) return false;
   }
   return true;
 }
@@ -197,10 +261,12 @@ std::optional<Patch> fitPatch(const Sweep& sweep, const Plane& plane, const std:
     patch->rows = beamsNear(sweep, patch->frame, support, radius);
     Evidence evidence = evidenceOf(patch->rows);
     if (evidence.on.size() < kMinMembers) return std::nullopt;
+    if (any_roll && !mayHoldPlate(evidence, patch->rectangle.centre, size_m)) return std::nullopt;
     patch->rectangle = placeRectangle(evidence, patch->rectangle, any_roll && pass == 0);
     const double step_rad = azimuthStep(patch->rows);
     addMissing(patch->rows, patch->rectangle, step_rad, &evidence);
-    fitRectangle(evidence.on, evidence.off, false, kFineScale_m, &patch->rectangle);
+    const Evidence decisive = nearOutline(evidence, patch->rectangle);
+    fitRectangle(decisive.on, decisive.off, false, kFineScale_m, &patch->rectangle);
 
     const double range = patch->frame.point(patch->rectangle.centre).norm();
     patch->step_m = step_rad * range;
@@ -215,7 +281,7 @@ std::optional<Patch> fitPatch(const Sweep& sweep, const Plane& plane, const std:
            centre;
   }
   const auto misfit = judgeFit(*patch);
-  if (!misfit || !coversPlate(*patch)) return std::nullopt;
+  if (!misfit || !hasPlateSize(*patch, any_roll ? kMinRowsUnpredicted : kMinRows)) return std::nullopt;
   patch->misfit = *misfit;
   patch->members = support;
   patch->frame.plane = fitted;
@@ -223,9 +289,7 @@ std::optional<Patch> fitPatch(const Sweep& sweep, const Plane& plane, const std:
 }
 
 Rectangle measureRectangle(const Patch& patch) {
-  Evidence evidence = evidenceOf(patch.rows);
-  Rectangle rectangle = patch.rectangle;
-  fitRectangle(evidence.on, evidence.off, true, kFineScale_m, &rectangle);
+  Rectangle rectangle = fitSize(patch);
   if (rectangle.half_m.x() < rectangle.half_m.y()) {
     std::swap(rectangle.half_m.x(), rectangle.half_m.y());
     rectangle.angle_rad += M_PI_2;

@@ -7,55 +7,110 @@
 namespace cocalib::plate {
 namespace {
 
-using Vector5d = Eigen::Matrix<double, 5, 1>;
-using Matrix5d = Eigen::Matrix<double, 5, 5>;
+constexpr int kMaxIterations = 15;
+constexpr int kMaxAttempts = 5;          // at a step that makes the sum smaller
+constexpr double kConvergedStep = 2e-5;  // [m, rad]: far below what a lidar can tell
+constexpr double kMaxStep = 0.1;         // [m, rad]: the distance is linear only near
+constexpr double kFar = 12.0;            // beyond this the logistic is flat to 1e-5
 
-constexpr int kMaxIterations = 25;
-constexpr double kConvergedStep = 1e-5;  // [m, rad]: far below what a lidar can tell
+double softplus(double z) {
+  if (z > kFar) return z;
+  return z < -kFar ? 0.0 : std::log1p(std::exp(z));
+}
 
-double softplus(double z) { return z > 0.0 ? z + std::log1p(std::exp(-z)) : std::log1p(std::exp(z)); }
+/// Rectangle with its rotation worked out once.
+struct Turned {
+  explicit Turned(const Rectangle& rectangle)
+      : centre(rectangle.centre),
+        half(rectangle.half_m),
+        c(std::cos(rectangle.angle_rad)),
+        s(std::sin(rectangle.angle_rad)) {}
+  Eigen::Vector2d local(const Eigen::Vector2d& p) const {
+    const Eigen::Vector2d d = p - centre;
+    return {c * d.x() + s * d.y(), -s * d.x() + c * d.y()};
+  }
+  Eigen::Vector2d centre, half;
+  double c, s;
+};
 
-double totalLoss(const std::vector<Eigen::Vector2d>& on, const std::vector<Eigen::Vector2d>& off, double scale_m,
-                 const Rectangle& rectangle) {
+/// What is minimised, for points that should lie inside (side 1) or outside (side -1).
+double lossOf(const std::vector<Eigen::Vector2d>& points, double side, double scale_m, const Turned& rectangle) {
   double loss = 0.0;
-  for (const auto& p : on) loss += softplus(rectangle.signedDistance(p) / scale_m);
-  for (const auto& p : off) loss += softplus(-rectangle.signedDistance(p) / scale_m);
+  for (const auto& p : points) {
+    const Eigen::Vector2d beyond = rectangle.local(p).cwiseAbs() - rectangle.half;
+    loss += softplus(side * std::max(beyond.x(), beyond.y()) / scale_m);
+  }
   return loss;
 }
 
-/// Gradient of the signed distance over (centre, angle, half lengths).
-Vector5d distanceGradient(const Rectangle& rectangle, const Eigen::Vector2d& p) {
-  const Eigen::Vector2d q = rectangle.local(p);
-  const double c = std::cos(rectangle.angle_rad), s = std::sin(rectangle.angle_rad);
-  Vector5d gradient;
-  if (std::abs(q.x()) - rectangle.half_m.x() > std::abs(q.y()) - rectangle.half_m.y()) {
-    const double sign = q.x() < 0.0 ? -1.0 : 1.0;
-    gradient << -sign * c, -sign * s, sign * q.y(), -1.0, 0.0;
-  } else {
-    const double sign = q.y() < 0.0 ? -1.0 : 1.0;
-    gradient << sign * s, -sign * c, -sign * q.x(), 0.0, -1.0;
-  }
-  return gradient;
-}
-
-void accumulate(const std::vector<Eigen::Vector2d>& points, double side, double scale_m, const Rectangle& rectangle,
-                Matrix5d* H, Vector5d* g) {
+/// Adds curvature and gradient over the first N of (centre, angle, half lengths).
+template <int N>
+void accumulate(const std::vector<Eigen::Vector2d>& points, double side, double scale_m, const Turned& rectangle,
+                Eigen::Matrix<double, N, N>* H, Eigen::Matrix<double, N, 1>* g) {
   for (const auto& p : points) {
-    const double z = side * rectangle.signedDistance(p) / scale_m;
-    if (z < -12.0) continue;  // well on its side: weight under 1e-5
+    const Eigen::Vector2d q = rectangle.local(p);
+    const Eigen::Vector2d beyond = q.cwiseAbs() - rectangle.half;
+    const int axis = beyond.x() > beyond.y() ? 0 : 1;
+    const double z = side * beyond[axis] / scale_m;
+    if (z < -kFar) continue;
+    const double sign = q[axis] < 0.0 ? -1.0 : 1.0;
+    Eigen::Matrix<double, 5, 1> gradient;  // of the signed distance
+    if (axis == 0) {
+      gradient << -sign * rectangle.c, -sign * rectangle.s, sign * q.y(), -1.0, 0.0;
+    } else {
+      gradient << sign * rectangle.s, -sign * rectangle.c, -sign * q.x(), 0.0, -1.0;
+    }
     const double probability = 1.0 / (1.0 + std::exp(-z));
-    const Vector5d J = side / scale_m * distanceGradient(rectangle, p);
+    const Eigen::Matrix<double, N, 1> J = side / scale_m * gradient.template head<N>();
     *g += probability * J;
-    *H += probability * (1.0 - probability) * J * J.transpose();
+    *H += (probability * (1.0 - probability)) * (J * J.transpose());
   }
 }
 
-Rectangle moved(const Rectangle& from, const Vector5d& step) {
+template <int N>
+Rectangle moved(const Rectangle& from, const Eigen::Matrix<double, N, 1>& step) {
   Rectangle to = from;
-  to.centre += step.head<2>();
+  to.centre += step.template head<2>();
   to.angle_rad += step[2];
-  to.half_m = (to.half_m + step.tail<2>()).cwiseMax(0.02);
+  if (N == 5) to.half_m = (to.half_m + step.template tail<2>()).cwiseMax(0.02);
   return to;
+}
+
+template <int N>
+double minimise(const std::vector<Eigen::Vector2d>& on, const std::vector<Eigen::Vector2d>& off, double scale_m,
+                Rectangle* rectangle) {
+  const auto totalLoss = [&](const Rectangle& r) {
+    const Turned turned(r);
+    return lossOf(on, 1.0, scale_m, turned) + lossOf(off, -1.0, scale_m, turned);
+  };
+  double loss = totalLoss(*rectangle), damping = 1e-2;
+  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+    Eigen::Matrix<double, N, N> H = Eigen::Matrix<double, N, N>::Zero();
+    Eigen::Matrix<double, N, 1> g = Eigen::Matrix<double, N, 1>::Zero(), step = g;
+    const Turned turned(*rectangle);
+    accumulate<N>(on, 1.0, scale_m, turned, &H, &g);
+    accumulate<N>(off, -1.0, scale_m, turned, &H, &g);
+    bool improved = false;
+    for (int attempt = 0; attempt < kMaxAttempts && !improved; ++attempt) {
+      // The absolute part holds a side that nothing lies near.
+      Eigen::Matrix<double, N, N> A = H;
+      A.diagonal() += damping * H.diagonal() + Eigen::Matrix<double, N, 1>::Ones();
+      step = -A.ldlt().solve(g);
+      step = step.cwiseMax(-kMaxStep).cwiseMin(kMaxStep).eval();
+      const Rectangle candidate = moved<N>(*rectangle, step);
+      const double candidate_loss = totalLoss(candidate);
+      improved = candidate_loss < loss;
+      if (improved) {
+        *rectangle = candidate;
+        loss = candidate_loss;
+        damping = std::max(1e-6, damping * 0.2);
+      } else {
+        damping = std::max(1e-2, damping) * 10.0;
+      }
+    }
+    if (!improved || step.cwiseAbs().maxCoeff() < kConvergedStep) break;
+  }
+  return loss;
 }
 
 }  // namespace
@@ -73,36 +128,7 @@ double Rectangle::signedDistance(const Eigen::Vector2d& p) const {
 
 double fitRectangle(const std::vector<Eigen::Vector2d>& on, const std::vector<Eigen::Vector2d>& off, bool fit_size,
                     double scale_m, Rectangle* rectangle) {
-  double loss = totalLoss(on, off, scale_m, *rectangle);
-  double damping = 1e-2;
-  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
-    Matrix5d H = Matrix5d::Zero();
-    Vector5d g = Vector5d::Zero();
-    accumulate(on, 1.0, scale_m, *rectangle, &H, &g);
-    accumulate(off, -1.0, scale_m, *rectangle, &H, &g);
-    const int n = fit_size ? 5 : 3;
-    bool improved = false;
-    Vector5d step = Vector5d::Zero();
-    for (int attempt = 0; attempt < 6 && !improved; ++attempt) {
-      // The absolute part holds a side that nothing lies near.
-      Eigen::MatrixXd A = H.topLeftCorner(n, n);
-      A.diagonal() += damping * A.diagonal() + Eigen::VectorXd::Constant(n, 1.0);
-      step.head(n) = -A.ldlt().solve(g.head(n));
-      step = step.cwiseMax(-0.1).cwiseMin(0.1);
-      const Rectangle candidate = moved(*rectangle, step);
-      const double candidate_loss = totalLoss(on, off, scale_m, candidate);
-      improved = candidate_loss < loss;
-      if (improved) {
-        *rectangle = candidate;
-        loss = candidate_loss;
-        damping = std::max(1e-6, damping * 0.2);
-      } else {
-        damping = std::max(1e-3, damping) * 10.0;
-      }
-    }
-    if (!improved || step.head(n).cwiseAbs().maxCoeff() < kConvergedStep) break;
-  }
-  return loss;
+  return fit_size ? minimise<5>(on, off, scale_m, rectangle) : minimise<3>(on, off, scale_m, rectangle);
 }
 
 }  // namespace cocalib::plate
