@@ -9,6 +9,7 @@
 #include <iterator>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <utility>
 
 #include "cocalib/ros/conversions.h"
 
@@ -20,8 +21,9 @@ namespace encodings = sensor_msgs::image_encodings;
 constexpr std::uint32_t kLargestSide = 65536;               // [px]
 constexpr std::uint64_t kLargestPixelCount = 200'000'000U;  // decoded from a few bytes of jpeg or png
 
-std::nullopt_t refuse(const std::string& why, std::string* problem) {
-  if (problem != nullptr) *problem = why;
+std::nullopt_t refuse(std::string why, std::string* problem) {
+  std::replace(why.begin(), why.end(), '\n', ' ');  // OpenCV's own texts have several lines
+  if (problem != nullptr) *problem = std::move(why);
   return std::nullopt;
 }
 
