@@ -11,13 +11,14 @@
 namespace cocalib {
 namespace {
 
-constexpr double kMaxCoastS = 0.5;          // how long a motion is extrapolated without a view
-constexpr double kMaxMotionGapS = 0.3;      // between two views from which a velocity is taken
-constexpr double kShiftSquares = 2.0;       // by how much a prediction may be off
-constexpr double kSearchShiftSquares = 0.0; // a search is good to a fraction of a square
+constexpr double kMaxCoastS = 0.5;      // how long a motion is extrapolated without a view
+constexpr double kMaxMotionGapS = 0.3;  // between two views from which a velocity is taken
+constexpr double kShiftSquares = 2.0;   // by how much a prediction may be off
 constexpr int kCoarseIterations = 5, kFineIterations = 8;
 constexpr double kCoarseTolerancePx = 0.15, kFineTolerancePx = 0.01;
-constexpr double kMinCoarseShare = 0.6;     // of the corners, for a pose good enough to predict the others
+constexpr std::size_t kCoarseStride = 2;  // every second corner
+constexpr std::size_t kMinCoarseCorners = 4;
+constexpr double kMinCoarseShare = 0.6;  // of those tried, for a pose good enough to predict all
 constexpr double kMaxCoarseRmsSquares = 0.15;
 constexpr double kMinContrast = 6.0;        // grey levels, half the step
 constexpr double kMinContrastShare = 0.35;  // of the median corner's
@@ -117,9 +118,8 @@ bool BoardDetector::outOfView(const Pose& T_C_B) const {
   const auto predictions = predictCorners(T_C_B, board_, camera_, first_square_light_);
   if (!predictions) return false;  // no prediction to trust
   const double margin_px = kShiftSquares * meanSquarePx(*predictions);
-  return std::any_of(predictions->begin(), predictions->end(), [&](const CornerPrediction& prediction) {
-    return !camera_.inImage(prediction.px, -margin_px);
-  });
+  return std::any_of(predictions->begin(), predictions->end(),
+                     [&](const CornerPrediction& prediction) { return !camera_.inImage(prediction.px, -margin_px); });
 }
 
 std::optional<BoardDetector::Measurement> BoardDetector::measure(const cv::Mat& gray, const Pose& T_C_B,
@@ -135,13 +135,15 @@ std::optional<BoardDetector::Measurement> BoardDetector::measure(const cv::Mat& 
   const double coarse_blur_px = std::clamp(0.1 * square_px, 1.0, 2.5);
   std::vector<std::optional<Eigen::Vector2d>> coarse(predictions->size());
   std::size_t count = 0;
-  for (std::size_t i = 0; i < coarse.size(); ++i) {
-    const auto corner = refineCorner(gray, (*predictions)[i], coarse_blur_px, false, kCoarseIterations, kCoarseTolerancePx);
+  for (std::size_t i = 0; i < coarse.size(); i += kCoarseStride) {
+    const auto corner =
+        refineCorner(gray, (*predictions)[i], coarse_blur_px, false, kCoarseIterations, kCoarseTolerancePx);
     if (!corner) continue;
     coarse[i] = corner->px;
     ++count;
   }
-  if (static_cast<double>(count) < kMinCoarseShare * static_cast<double>(coarse.size())) return std::nullopt;
+  if (count < kMinCoarseCorners || kCoarseStride * static_cast<double>(count) < kMinCoarseShare * coarse.size())
+    return std::nullopt;
   double rms_px = 0.0;
   auto pose = refineBoardPose(T_C_B, coarse, board_, camera_, &rms_px);
   if (!pose || rms_px > std::max(kMaxCoarseRmsSquares * square_px, params_.max_reprojection_px)) return std::nullopt;
@@ -176,11 +178,11 @@ std::optional<BoardDetector::Measurement> BoardDetector::measure(const cv::Mat& 
 }
 
 std::optional<BoardDetector::Measurement> BoardDetector::search(const cv::Mat& gray) {
-  ++searches_;
-  const std::optional<Pose> found = searchBoard(gray, board_, camera_);
+  const bool coarse = searches_++ % 2 == 0;  // in turns: a fine search takes three times as long
+  const std::optional<Pose> found = searchBoard(gray, board_, camera_, coarse);
   if (!found) return std::nullopt;
   blur_px_ = 0.8;
-  return measure(gray, chooseTurn(gray, *found), kSearchShiftSquares);
+  return measure(gray, chooseTurn(gray, *found), 0.0);
 }
 
 Pose BoardDetector::chooseTurn(const cv::Mat& gray, const Pose& found_T_C_B) {
@@ -196,7 +198,8 @@ Pose BoardDetector::chooseTurn(const cv::Mat& gray, const Pose& found_T_C_B) {
     double contrast, angle;
   };
   std::vector<Candidate> candidates;
-  const Eigen::Vector3d middle(0.5 * (board_.cols - 1) * board_.square_m, 0.5 * (board_.rows - 1) * board_.square_m, 0.0);
+  const Eigen::Vector3d middle(0.5 * (board_.cols - 1) * board_.square_m, 0.5 * (board_.rows - 1) * board_.square_m,
+                               0.0);
   const int step = board_.cols == board_.rows ? 1 : 2;
   for (int quarter = 0; quarter < 4; quarter += step) {
     const Eigen::Quaterniond turn = expSo3({0.0, 0.0, 0.5 * M_PI * quarter});
@@ -211,7 +214,8 @@ Pose BoardDetector::chooseTurn(const cv::Mat& gray, const Pose& found_T_C_B) {
     candidates.push_back({T_C_B, contrast, T_C_B.q.angularDistance(expected)});
   }
   // A dark first square wins where both colours occur; where only one does, the board is made that way.
-  const bool any_dark = std::any_of(candidates.begin(), candidates.end(), [](const auto& c) { return c.contrast > 0.0; });
+  const bool any_dark =
+      std::any_of(candidates.begin(), candidates.end(), [](const auto& c) { return c.contrast > 0.0; });
   first_square_light_ = !any_dark;
   const Candidate* best = nullptr;
   for (const Candidate& candidate : candidates) {

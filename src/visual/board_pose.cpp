@@ -1,12 +1,12 @@
-#include <algorithm>
-#include <cmath>
+#include "cocalib/visual/board_pose.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
 #include <opencv2/calib3d.hpp>
 
 #include "cocalib/visual/board_detector.h"
-#include "cocalib/visual/board_pose.h"
 
 namespace cocalib {
 namespace {

@@ -1,10 +1,9 @@
 #include "cocalib/visual/board_search.h"
 
 #include <algorithm>
-#include <vector>
-
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
+#include <vector>
 
 #include "cocalib/visual/board_detector.h"
 
@@ -16,15 +15,13 @@ constexpr double kMaxRoughRmsPx = 4.0;  // at full size; what is wrong by more i
 
 }  // namespace
 
-std::optional<Pose> searchBoard(const cv::Mat& gray, const BoardGeometry& board, const CameraModel& camera) {
+std::optional<Pose> searchBoard(const cv::Mat& gray, const BoardGeometry& board, const CameraModel& camera,
+                                bool coarse) {
+  int halvings = coarse ? 1 : 0;
+  for (int width = gray.cols; width > kMaxSearchWidthPx; width /= 2) ++halvings;
+  const double scale = static_cast<double>(1 << halvings);
   cv::Mat small = gray;
-  double scale = 1.0;
-  while (small.cols > kMaxSearchWidthPx) {
-    cv::Mat half;
-    cv::resize(small, half, cv::Size(), 0.5, 0.5, cv::INTER_AREA);
-    small = half;
-    scale *= 2.0;
-  }
+  if (halvings > 0) cv::resize(gray, small, cv::Size(), 1.0 / scale, 1.0 / scale, cv::INTER_AREA);
   std::vector<cv::Point2f> points;
   if (!cv::findChessboardCornersSB(small, cv::Size(board.cols, board.rows), points, cv::CALIB_CB_NORMALIZE_IMAGE) ||
       static_cast<int>(points.size()) != board.cornerCount()) {

@@ -1,26 +1,25 @@
 #include "cocalib/visual/corner_refinement.h"
 
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>
-
-#include <Eigen/Cholesky>
-#include <Eigen/LU>
 #include <opencv2/imgproc.hpp>
 
 namespace cocalib {
 namespace {
 
-constexpr double kMinSquarePx = 5.0;        // below, neighbouring corners blur into each other
-constexpr double kReachSquares = 0.42;      // the next edge stands at 1; beyond half its blur would come in
-constexpr double kMinReachPx = 3.0, kMaxReachPx = 12.0;
-constexpr double kSampleSquares = 0.3;      // where the four fields around a corner are sampled
-constexpr double kMinBlurPx = 0.28;         // a sharp edge averaged over a pixel: sqrt(1/12)
+constexpr double kMinSquarePx = 5.0;    // below, neighbouring corners blur into each other
+constexpr double kReachSquares = 0.42;  // the next edge stands at 1; beyond half its blur would come in
+constexpr double kMinReachPx = 3.0, kMaxReachPx = 9.0;
+constexpr double kSampleSquares = 0.3;  // where the four fields around a corner are sampled
+constexpr double kMinBlurPx = 0.28;     // a sharp edge averaged over a pixel: sqrt(1/12)
 constexpr double kMaxBlurPx = 4.0;
-constexpr double kMaxBlurChange = 1.5;      // per iteration; a blur far too small sees no edge at all
+constexpr double kMaxBlurChange = 1.5;  // per iteration; a blur far too small sees no edge at all
 constexpr double kMaxStepPx = 1.0;
-constexpr double kBandSigmas = 3.0;         // beyond, an edge's profile is flat and tells nothing of its place ...
-constexpr double kMinBandPx = 1.5;          // ... but some flat pixels must tell the two grey levels
+constexpr double kBandSigmas = 3.0;  // beyond, an edge's profile is flat and tells nothing of its place ...
+constexpr double kMinBandPx = 1.5;   // ... but some flat pixels must tell the two grey levels
 
 /// Blurred unit step and its slope, tabulated: erf(z / sqrt 2) and its derivative.
 class EdgeProfile {
@@ -268,8 +267,8 @@ Eigen::Vector2d findBoardShift(const cv::Mat& gray, const std::vector<CornerPred
   return {best.x, best.y};
 }
 
-std::optional<RefinedCorner> refineCorner(const cv::Mat& gray, const CornerPrediction& prediction,
-                                          double start_blur_px, bool free_blur, int iterations, double tolerance_px) {
+std::optional<RefinedCorner> refineCorner(const cv::Mat& gray, const CornerPrediction& prediction, double start_blur_px,
+                                          bool free_blur, int iterations, double tolerance_px) {
   const FieldLevels levels = sampleFields(gray, prediction, prediction.px);
   if (!levels.inside) return std::nullopt;
   const double sign = prediction.light_diagonal ? 1.0 : -1.0;

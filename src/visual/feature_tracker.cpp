@@ -2,10 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
-
 #include <opencv2/imgproc.hpp>
 #include <opencv2/video/tracking.hpp>
+#include <stdexcept>
 
 #include "cocalib/visual/two_view.h"
 
@@ -14,10 +13,10 @@ namespace {
 
 const cv::Size kWindow(15, 15);
 constexpr int kPyramidLevels = 3;
-constexpr int kPredictedLevels = 2;        // a gyro's prediction is off by parallax only
-constexpr int kBackwardLevels = 1;         // starts where it should end
-constexpr double kMinEigenvalue = 1e-4;    // of the tracker's gradient matrix: texture lost
-constexpr double kBorderPx = 8.0;          // half a window
+constexpr int kPredictedLevels = 2;      // a gyro's prediction is off by parallax only
+constexpr int kBackwardLevels = 1;       // starts where it should end
+constexpr double kMinEigenvalue = 1e-4;  // of the tracker's gradient matrix: texture lost
+constexpr double kBorderPx = 8.0;        // half a window
 constexpr std::size_t kMinEpipolarPairs = 12;
 constexpr double kRotationRansacPx = 8.0;  // tolerates parallax
 constexpr double kMinInlierShare = 0.6;    // below, the start of the refinement was wrong
@@ -104,15 +103,15 @@ std::vector<cv::Point2f> FeatureTracker::predict(const std::optional<Eigen::Quat
   return predicted;
 }
 
-std::vector<FeatureTracker::Track> FeatureTracker::follow(
-    const std::vector<cv::Mat>& pyramid, const std::optional<Eigen::Quaterniond>& R_Cnow_Cprev) const {
+std::vector<FeatureTracker::Track> FeatureTracker::follow(const std::vector<cv::Mat>& pyramid,
+                                                          const std::optional<Eigen::Quaterniond>& R_Cnow_Cprev) const {
   std::vector<cv::Point2f> before, now = predict(R_Cnow_Cprev);
   for (const Track& track : tracks_) before.push_back(track.px);
   std::vector<cv::Point2f> back = before;
   std::vector<std::uint8_t> found, found_back;
   const int levels = R_Cnow_Cprev ? kPredictedLevels : kPyramidLevels;
-  cv::calcOpticalFlowPyrLK(pyramid_, pyramid, before, now, found, cv::noArray(), kWindow, levels,
-                           iterations(20, 0.01), cv::OPTFLOW_USE_INITIAL_FLOW, kMinEigenvalue);
+  cv::calcOpticalFlowPyrLK(pyramid_, pyramid, before, now, found, cv::noArray(), kWindow, levels, iterations(20, 0.01),
+                           cv::OPTFLOW_USE_INITIAL_FLOW, kMinEigenvalue);
   cv::calcOpticalFlowPyrLK(pyramid, pyramid_, now, back, found_back, cv::noArray(), kWindow, kBackwardLevels,
                            iterations(10, 0.02), cv::OPTFLOW_USE_INITIAL_FLOW, kMinEigenvalue);
   std::vector<Track> tracks;
@@ -141,7 +140,9 @@ void FeatureTracker::topUp(const cv::Mat& gray, const std::vector<Eigen::Vector2
   std::vector<cv::Point2f> mask;
   for (const Eigen::Vector2f& px : mask_px) mask.emplace_back(px.x(), px.y());
   const int cell_count = params_.grid_cols * params_.grid_rows;
-  const auto boundary = [](int i, int n, int size) { return static_cast<int>(static_cast<std::int64_t>(i) * size / n); };
+  const auto boundary = [](int i, int n, int size) {
+    return static_cast<int>(static_cast<std::int64_t>(i) * size / n);
+  };
   std::vector<std::size_t> occupied(cell_count, 0);
   for (const Track& track : tracks_) {
     const int col = std::clamp(static_cast<int>(track.px.x * params_.grid_cols / gray.cols), 0, params_.grid_cols - 1);
@@ -160,7 +161,8 @@ void FeatureTracker::topUp(const cv::Mat& gray, const std::vector<Eigen::Vector2
     --budget;
     const int col = cell % params_.grid_cols, row = cell / params_.grid_cols;
     const cv::Point first(boundary(col, params_.grid_cols, gray.cols), boundary(row, params_.grid_rows, gray.rows));
-    const cv::Point end(boundary(col + 1, params_.grid_cols, gray.cols), boundary(row + 1, params_.grid_rows, gray.rows));
+    const cv::Point end(boundary(col + 1, params_.grid_cols, gray.cols),
+                        boundary(row + 1, params_.grid_rows, gray.rows));
     topUpCell(gray, cv::Rect(first, end), std::min(room, per_cell - occupied[cell]), mask);
   }
 }
@@ -179,15 +181,15 @@ void FeatureTracker::topUpCell(const cv::Mat& gray, const cv::Rect& cell, std::s
     const float *above = strength.ptr<float>(y - 1), *row = strength.ptr<float>(y), *below = strength.ptr<float>(y + 1);
     for (int x = 1; x + 1 < strength.cols; ++x) {
       const float value = row[x];
-      if (value < kMinCorner || value < row[x - 1] || value <= row[x + 1] || value < above[x - 1] ||
-          value < above[x] || value < above[x + 1] || value <= below[x - 1] || value <= below[x] ||
-          value <= below[x + 1]) {
+      if (value < kMinCorner || value < row[x - 1] || value <= row[x + 1] || value < above[x - 1] || value < above[x] ||
+          value < above[x + 1] || value <= below[x - 1] || value <= below[x] || value <= below[x + 1]) {
         continue;
       }
       corners.push_back({value, cell.tl() + cv::Point(x, y)});
     }
   }
-  std::stable_sort(corners.begin(), corners.end(), [](const auto& a, const auto& b) { return a.strength > b.strength; });
+  std::stable_sort(corners.begin(), corners.end(),
+                   [](const auto& a, const auto& b) { return a.strength > b.strength; });
   const double min_distance2 = params_.min_distance_px * params_.min_distance_px;
   for (const Corner& corner : corners) {
     if (wanted == 0) return;

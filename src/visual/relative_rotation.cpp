@@ -9,9 +9,9 @@ namespace {
 
 constexpr std::size_t kMinCommonTracks = 15;
 constexpr double kInlierPx = 1.5;
-constexpr double kLossPx = 0.7;           // scale of the Cauchy loss: a good track's error
-constexpr double kRotationRansacPx = 6.0; // tolerates the parallax of a hand-held move
-constexpr double kNoParallaxPx = 0.35;    // median, under which a rotation alone explains the pictures
+constexpr double kLossPx = 0.7;            // scale of the Cauchy loss: a good track's error
+constexpr double kRotationRansacPx = 6.0;  // tolerates the parallax of a hand-held move
+constexpr double kNoParallaxPx = 0.35;     // median, under which a rotation alone explains the pictures
 
 /// Bearings of the tracks that both pictures hold; both lists may be in any order of ids.
 BearingPairs commonBearings(std::vector<TrackObservation> a, std::vector<TrackObservation> b,

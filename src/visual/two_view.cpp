@@ -1,12 +1,11 @@
 #include "cocalib/visual/two_view.h"
 
-#include <algorithm>
-#include <cmath>
-#include <random>
-
 #include <Eigen/Cholesky>
 #include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
 #include <opencv2/calib3d.hpp>
+#include <random>
 
 #include "cocalib/geometry/so3.h"
 
@@ -109,8 +108,7 @@ std::optional<Eigen::Quaterniond> robustRotation(const BearingPairs& pairs, doub
   for (int trial = 0; trial < kRotationTrials; ++trial) {
     const auto [i, j] = drawPair(&random, pairs.size());
     if (pairs.a[i].cross(pairs.a[j]).norm() < 0.05 || pairs.b[i].cross(pairs.b[j]).norm() < 0.05) continue;
-    const Eigen::Matrix3d R =
-        rotationFromPairs(pairs.a[i], pairs.a[j], pairs.b[i], pairs.b[j]).toRotationMatrix();
+    const Eigen::Matrix3d R = rotationFromPairs(pairs.a[i], pairs.a[j], pairs.b[i], pairs.b[j]).toRotationMatrix();
     double score = 0.0;
     for (std::size_t k = 0; k < pairs.size(); ++k) {
       score += std::max(0.0, 1.0 - (pairs.b[k] - R * pairs.a[k]).squaredNorm() / threshold2);

@@ -1,14 +1,13 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <random>
-#include <vector>
-
-#include <Eigen/Core>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
+#include <random>
+#include <vector>
 
 #include "cocalib/measurements/measurements.h"
 #include "cocalib/sensors/camera_model.h"

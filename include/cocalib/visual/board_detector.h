@@ -1,9 +1,8 @@
 #pragma once
 
+#include <opencv2/core/mat.hpp>
 #include <optional>
 #include <vector>
-
-#include <opencv2/core/mat.hpp>
 
 #include "cocalib/measurements/measurements.h"
 #include "cocalib/sensors/camera_model.h"
@@ -20,9 +19,9 @@ namespace cocalib {
 /// Numbering: row by row, x cross y points into the board. A board with an odd number of columns plus rows shows by its
 /// colours which way round it is: the square between the corners 0, 1 and cols is a dark one. Any other board looks the
 /// same after half a turn (a square one perhaps after a quarter turn, too): its origin is decided at first so that x
-/// points right in the picture, then by continuity; after a loss by setPredictedPose(), else by the rotations given since
-/// the loss, else by the assumption that the camera still has the attitude it had.
-/// Not thread-safe. Deterministic. Never throws on data.
+/// points right in the picture, then by continuity; after a loss by setPredictedPose(), else by the rotations given
+/// since the loss, else by the assumption that the camera still has the attitude it had. Not thread-safe.
+/// Deterministic. Never throws on data.
 class BoardDetector {
  public:
   struct Params {
@@ -32,7 +31,8 @@ class BoardDetector {
   /// @throws std::invalid_argument for a board under 3x3 corners, a square or parameters that are not positive
   BoardDetector(const BoardGeometry& board, const CameraModel& camera, const Params& params);
 
-  /// Corners in this picture. @param R_Cnow_Cprev rotation of the camera since the previous call, if the caller knows it
+  /// Corners in this picture. @param R_Cnow_Cprev rotation of the camera since the previous call, if the caller knows
+  /// it
   std::optional<BoardObservation> detect(const ImageFrame& image,
                                          const std::optional<Eigen::Quaterniond>& R_Cnow_Cprev = std::nullopt);
 

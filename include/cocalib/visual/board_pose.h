@@ -1,9 +1,8 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <optional>
 #include <vector>
-
-#include <Eigen/Core>
 
 #include "cocalib/measurements/measurements.h"
 #include "cocalib/sensors/camera_model.h"

@@ -1,10 +1,9 @@
 #pragma once
 
-#include <optional>
-#include <vector>
-
 #include <Eigen/Core>
 #include <opencv2/core/mat.hpp>
+#include <optional>
+#include <vector>
 
 #include "cocalib/measurements/measurements.h"
 #include "cocalib/sensors/camera_model.h"
@@ -25,9 +24,9 @@ struct CornerPrediction {
 /// A corner as measured.
 struct RefinedCorner {
   Eigen::Vector2d px;
-  double contrast = 0.0;     ///< half the step between light and dark squares [grey levels], positive as predicted
-  double blur_px = 0.0;      ///< standard deviation of the edges' blur, mean of both lines
-  double residual = 0.0;     ///< RMS of the picture against the model [grey levels]
+  double contrast = 0.0;  ///< half the step between light and dark squares [grey levels], positive as predicted
+  double blur_px = 0.0;   ///< standard deviation of the edges' blur, mean of both lines
+  double residual = 0.0;  ///< RMS of the picture against the model [grey levels]
 };
 
 /// Predictions of all corners (row by row) for a board at T_C_B; nothing if any corner or its neighbourhood cannot be
@@ -40,18 +39,19 @@ std::optional<std::vector<CornerPrediction>> predictCorners(const Pose& T_C_B, c
 /// negative where light and dark are swapped. Zero where a sample falls outside the picture.
 double cornerContrast(const cv::Mat& gray, const CornerPrediction& prediction);
 
-/// The one shift of the whole board, within max_shift_px and to about a pixel, under which its corners fit the picture best. Light and dark
-/// fields count with their sign, hence a shift by one square scores worst and one by a diagonal loses a row and a column.
+/// The one shift of the whole board, within max_shift_px and to about a pixel, under which its corners fit the picture
+/// best. Light and dark fields count with their sign, hence a shift by one square scores worst and one by a diagonal
+/// loses a row and a column.
 Eigen::Vector2d findBoardShift(const cv::Mat& gray, const std::vector<CornerPrediction>& predictions,
                                double max_shift_px);
 
 /// Least-squares fit of the picture around a corner: two crossing edges with Gaussian blur, two grey levels and an even
-/// slope of the light; the window follows the board's lines and reaches 0.42 of a square (3 to 12 px) each way.
+/// slope of the light; the window follows the board's lines and reaches 0.42 of a square (3 to 9 px) each way.
 /// @param start_blur_px   first guess of the blur [px, 1 sigma]
 /// @param free_blur       estimate the blur; otherwise it stays, which converges from further away
 /// @param tolerance_px    the fit ends with the first step shorter than this
 /// @return nothing where the fit diverges, leaves the window or the picture
-std::optional<RefinedCorner> refineCorner(const cv::Mat& gray, const CornerPrediction& prediction,
-                                          double start_blur_px, bool free_blur, int iterations, double tolerance_px);
+std::optional<RefinedCorner> refineCorner(const cv::Mat& gray, const CornerPrediction& prediction, double start_blur_px,
+                                          bool free_blur, int iterations, double tolerance_px);
 
 }  // namespace cocalib

@@ -1,10 +1,9 @@
 #pragma once
 
-#include <optional>
-#include <vector>
-
 #include <opencv2/core/mat.hpp>
 #include <opencv2/core/types.hpp>
+#include <optional>
+#include <vector>
 
 #include "cocalib/measurements/measurements.h"
 #include "cocalib/sensors/camera_model.h"
@@ -18,10 +17,10 @@ class FeatureTracker {
  public:
   struct Params {
     int max_features = 150;
-    int grid_cols = 8, grid_rows = 5;        ///< features are spread evenly over these cells
+    int grid_cols = 8, grid_rows = 5;  ///< features are spread evenly over these cells
     double min_distance_px = 20.0;
     double max_forward_backward_px = 0.5;
-    double ransac_px = 1.5;                  ///< epipolar threshold
+    double ransac_px = 1.5;  ///< epipolar threshold
   };
   /// @throws std::invalid_argument for parameters that are not positive
   FeatureTracker(const CameraModel& camera, const Params& params);
@@ -54,11 +53,12 @@ class FeatureTracker {
   std::vector<Track> tracks_;     // in the previous picture
   std::vector<cv::Mat> pyramid_;  // of the previous picture
   std::uint32_t next_id_ = 0;
-  int next_cell_ = 0;             // where topUp() goes on
+  int next_cell_ = 0;  // where topUp() goes on
 };
 
-/// Relative rotation p_b = R p_a between two pictures from their common tracks (essential matrix by RANSAC, falling back to
-/// a pure rotation where the translation is too small to tell), with the number of inliers; nothing below 15 common tracks.
+/// Relative rotation p_b = R p_a between two pictures from their common tracks (essential matrix by RANSAC, falling
+/// back to a pure rotation where the translation is too small to tell), with the number of inliers; nothing below 15
+/// common tracks.
 struct RelativeRotation {
   Eigen::Quaterniond R_b_a;
   int inliers = 0;

@@ -1,10 +1,9 @@
 #pragma once
 
-#include <optional>
-#include <vector>
-
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <optional>
+#include <vector>
 
 namespace cocalib {
 
