@@ -110,6 +110,7 @@ BagInput::Stream BagInput::streamOf(const rosbag::MessageInstance& message) cons
   const std::string& type = message.getDataType();
   if (type == kImageType) return Stream::kImage;
   if (type == kCompressedType) return Stream::kCompressedImage;
+  if (type == kInfoType) return Stream::kCameraInfo;
   return type == kCloudType ? Stream::kCloud : Stream::kImu;
 }
 

@@ -83,7 +83,7 @@ std::vector<VisualKeyframe> CameraPipeline::addAnyImage(const Message& msg) {
     return {};
   }
   if (!fitsModel(image->gray)) return {};
-  last_taken_ = stamp;
+  if (!last_taken_ || stamp > *last_taken_) last_taken_ = stamp;
 
   std::vector<VisualKeyframe> keyframes = calibrator_.addImage(*image);
   if (board_check_) {

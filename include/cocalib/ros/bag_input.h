@@ -16,7 +16,7 @@ namespace cocalib {
 /// A bag that holds what a rig file names, opened for reading in order of recording. Not thread-safe.
 class BagInput {
  public:
-  enum class Stream { kImu, kImage, kCompressedImage, kCloud };
+  enum class Stream { kImu, kImage, kCompressedImage, kCloud, kCameraInfo };
 
   /// @param start_s     seconds of the bag to skip
   /// @param duration_s  seconds to read; nothing: to the end

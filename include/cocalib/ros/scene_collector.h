@@ -1,0 +1,58 @@
+#pragma once
+
+#include <deque>
+#include <optional>
+#include <vector>
+
+#include <sensor_msgs/CompressedImage.h>
+#include <sensor_msgs/Image.h>
+#include <sensor_msgs/Imu.h>
+#include <sensor_msgs/PointCloud2.h>
+
+#include "cocalib/io/rig_config.h"
+#include "cocalib/ros/overlay.h"
+
+namespace cocalib {
+
+/// Keeps a handful of pictures with the sweeps and the inertial data around them, spread over the run, so that the end
+/// of a run can show the best of them. Messages are held as they came and decoded only when shown. Not thread-safe.
+class SceneCollector {
+ public:
+  explicit SceneCollector(const RigConfig& rig) : rig_(rig) {}
+
+  void addImu(const sensor_msgs::Imu& msg);
+  void addImage(const sensor_msgs::ImageConstPtr& msg);
+  void addImage(const sensor_msgs::CompressedImageConstPtr& msg);
+  void addCloud(const sensor_msgs::PointCloud2ConstPtr& msg);
+  /// States of the IMU as keyframes bring them; a scene takes the one nearest to its picture.
+  void addState(const NavState& state);
+  void clear();
+
+  /// The scene with the most points in the picture, and the board in it if it was ever seen.
+  /// @param T_W_B  board in the world of the states, if known
+  std::optional<OverlayScene> best(const Calibration& calibration, const CameraModel& camera,
+                                   const std::optional<Pose>& T_W_B) const;
+  /// The newest scene.
+  std::optional<OverlayScene> newest() const;
+
+ private:
+  struct Candidate {
+    TimeNs stamp = 0;
+    sensor_msgs::ImageConstPtr image;
+    sensor_msgs::CompressedImageConstPtr compressed;
+    sensor_msgs::PointCloud2ConstPtr cloud;
+    std::vector<ImuSample> imu;
+    std::optional<NavState> state;
+  };
+  void startCandidate(Candidate candidate);
+  void thinOut();
+  std::optional<OverlayScene> decode(const Candidate& candidate) const;
+
+  RigConfig rig_;
+  TimeNs period_ns_ = 1'000'000'000;
+  std::deque<ImuSample> recent_imu_;
+  std::deque<sensor_msgs::PointCloud2ConstPtr> recent_clouds_;
+  std::vector<Candidate> candidates_;  // in order of time; the last one may still lack inertial data behind it
+};
+
+}  // namespace cocalib

@@ -1,0 +1,124 @@
+#include "cocalib/ros/scene_collector.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <utility>
+
+#include "cocalib/ros/conversions.h"
+#include "cocalib/ros/image_reader.h"
+#include "cocalib/ros/imu_reader.h"
+#include "cocalib/ros/point_cloud_reader.h"
+
+namespace cocalib {
+namespace {
+
+constexpr std::size_t kMostCandidates = 12;
+constexpr TimeNs kImuAroundNs = 400'000'000;   // covers a sweep that begins a sweep before the picture, and offsets
+constexpr TimeNs kPairNs = 150'000'000;        // picture and sweep belong together up to here
+constexpr TimeNs kStateNs = 100'000'000;       // a state this near gives velocity and biases
+
+}  // namespace
+
+void SceneCollector::clear() {
+  recent_imu_.clear();
+  recent_clouds_.clear();
+  candidates_.clear();
+  period_ns_ = 1'000'000'000;
+}
+
+void SceneCollector::addImu(const sensor_msgs::Imu& msg) {
+  const std::optional<ImuSample> sample = readImu(msg, nullptr);
+  if (!sample) return;
+  if (!recent_imu_.empty() && sample->stamp <= recent_imu_.back().stamp) {
+    if (sample->stamp < recent_imu_.back().stamp - 1'000'000'000) clear();  // the clock was set back
+    else return;
+  }
+  recent_imu_.push_back(*sample);
+  while (recent_imu_.back().stamp - recent_imu_.front().stamp > kImuAroundNs) recent_imu_.pop_front();
+  if (candidates_.empty()) return;
+  Candidate& last = candidates_.back();
+  if (sample->stamp < last.stamp + kImuAroundNs) last.imu.push_back(*sample);
+}
+
+void SceneCollector::addCloud(const sensor_msgs::PointCloud2ConstPtr& msg) {
+  recent_clouds_.push_back(msg);
+  while (recent_clouds_.size() > 2) recent_clouds_.pop_front();
+}
+
+void SceneCollector::addImage(const sensor_msgs::ImageConstPtr& msg) {
+  Candidate candidate;
+  candidate.stamp = toTimeNs(msg->header.stamp);
+  candidate.image = msg;
+  startCandidate(std::move(candidate));
+}
+
+void SceneCollector::addImage(const sensor_msgs::CompressedImageConstPtr& msg) {
+  Candidate candidate;
+  candidate.stamp = toTimeNs(msg->header.stamp);
+  candidate.compressed = msg;
+  startCandidate(std::move(candidate));
+}
+
+void SceneCollector::startCandidate(Candidate candidate) {
+  if (recent_clouds_.empty()) return;
+  if (!candidates_.empty() && candidate.stamp - candidates_.back().stamp < period_ns_) return;
+  const TimeNs sweep = toTimeNs(recent_clouds_.back()->header.stamp);
+  if (std::abs(candidate.stamp - sweep) > kPairNs) return;
+  candidate.cloud = recent_clouds_.back();
+  candidate.imu.assign(recent_imu_.begin(), recent_imu_.end());
+  if (candidates_.size() == kMostCandidates) thinOut();
+  candidates_.push_back(std::move(candidate));
+}
+
+void SceneCollector::thinOut() {
+  for (std::size_t i = 0; i < kMostCandidates / 2; ++i) candidates_[i] = std::move(candidates_[2 * i]);
+  candidates_.resize(kMostCandidates / 2);
+  period_ns_ *= 2;
+}
+
+void SceneCollector::addState(const NavState& state) {
+  for (Candidate& candidate : candidates_) {
+    const TimeNs distance = std::abs(state.stamp - candidate.stamp);
+    if (distance > kStateNs) continue;
+    if (!candidate.state || distance < std::abs(candidate.state->stamp - candidate.stamp)) candidate.state = state;
+  }
+}
+
+std::optional<OverlayScene> SceneCollector::decode(const Candidate& candidate) const {
+  const std::optional<ImageFrame> image =
+      candidate.image ? readImage(*candidate.image, nullptr) : readImage(*candidate.compressed, nullptr);
+  // A reader of its own: what it recognises at the first cloud it recognises at this one.
+  PointCloudReader reader(*rig_.lidar);
+  std::optional<LidarScan> scan = reader.read(*candidate.cloud, nullptr);
+  if (!image || !scan) return std::nullopt;
+  return OverlayScene{*image, std::move(*scan), candidate.imu, candidate.state};
+}
+
+std::optional<OverlayScene> SceneCollector::best(const Calibration& calibration, const CameraModel& camera,
+                                                 const std::optional<Pose>& T_W_B) const {
+  std::optional<OverlayScene> best;
+  int best_score = -1;
+  for (const Candidate& candidate : candidates_) {
+    std::optional<OverlayScene> scene = decode(candidate);
+    if (!scene || scene->image.gray.cols != camera.width() || scene->image.gray.rows != camera.height()) continue;
+    int score = countVisible(*scene, calibration, camera);
+    if (T_W_B && scene->state) {
+      const Pose T_C_B = (scene->state->T_W_I * calibration.T_imu_camera).inverse() * *T_W_B;
+      const std::optional<Eigen::Vector2d> px = camera.project(T_C_B.t);
+      // The board is what shows best whether the sensors agree.
+      if (px && camera.inImage(*px, 0.15 * camera.width())) score += 1'000'000;
+    }
+    if (score <= best_score) continue;
+    best_score = score;
+    best = std::move(scene);
+  }
+  return best;
+}
+
+std::optional<OverlayScene> SceneCollector::newest() const {
+  // The last but one has all of its inertial data.
+  if (candidates_.empty()) return std::nullopt;
+  return decode(candidates_.size() > 1 ? candidates_[candidates_.size() - 2] : candidates_.back());
+}
+
+}  // namespace cocalib
