@@ -67,8 +67,16 @@ Texture::Texture(const Rectangle& rectangle, int index)
   while (true) {
     cv::Mat padded;
     cv::copyMakeBorder(picture, padded, kPadding, kPadding, kPadding, kPadding, cv::BORDER_REPLICATE);
-    levels_.push_back({padded, 0.5F * picture.cols / half_u_, 0.5F * picture.rows / half_v_,
-                       static_cast<float>(picture.cols), static_cast<float>(picture.rows)});
+    Level level;
+    level.picture = padded;
+    level.per_u = 0.5F * static_cast<float>(picture.cols) / half_u_;
+    level.per_v = 0.5F * static_cast<float>(picture.rows) / half_v_;
+    // Texel i covers [i, i + 1] of the width, so its centre is at i + 0.5.
+    level.first_u = 0.5F * static_cast<float>(picture.cols) + kPadding - 0.5F;
+    level.first_v = 0.5F * static_cast<float>(picture.rows) + kPadding - 0.5F;
+    level.data = level.picture.ptr<std::uint8_t>();
+    level.step = static_cast<std::ptrdiff_t>(level.picture.step[0]);
+    levels_.push_back(level);
     if (std::min(picture.cols, picture.rows) < 16) break;
     cv::resize(picture, picture, cv::Size((picture.cols + 1) / 2, (picture.rows + 1) / 2), 0, 0, cv::INTER_AREA);
   }
@@ -76,28 +84,6 @@ Texture::Texture(const Rectangle& rectangle, int index)
 
 float Texture::level(float footprint_m) const {
   return std::clamp(std::log2(footprint_m / kTexel_m), 0.0F, static_cast<float>(levels_.size()) - 1.001F);
-}
-
-float Texture::bilinear(int level, float a, float b) const {
-  const Level& l = levels_[level];
-  // Texel i covers [i, i + 1] of `cols` equal parts of the width. Clamping guards against rounding at the border.
-  const float x = std::clamp((a + half_u_) * l.per_u, 0.0F, l.cols) + (kPadding - 0.5F);
-  const float y = std::clamp((b + half_v_) * l.per_v, 0.0F, l.rows) + (kPadding - 0.5F);
-  const int ix = static_cast<int>(x), iy = static_cast<int>(y);
-  const float fx = x - ix, fy = y - iy;
-  const std::uint8_t* p = l.picture.ptr<std::uint8_t>(iy) + ix;
-  const std::uint8_t* q = p + l.picture.step[0];
-  const float top = p[0] + fx * (p[1] - p[0]);
-  const float bottom = q[0] + fx * (q[1] - q[0]);
-  return top + fy * (bottom - top);
-}
-
-float Texture::gray(float a, float b, float level) const {
-  const int base = static_cast<int>(level);
-  const float blend = level - base;
-  const float fine = bilinear(base, a, b);
-  if (blend < 1e-3F) return fine;
-  return fine + blend * (bilinear(base + 1, a, b) - fine);
 }
 
 BoardPattern::BoardPattern(const BoardGeometry& board)

@@ -2,6 +2,9 @@
 
 #include <Eigen/Core>
 #include <opencv2/core/mat.hpp>
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include "cocalib/sim/scene.h"
@@ -25,18 +28,38 @@ class Texture {
 
  private:
   static constexpr float kTexel_m = 0.004F;
-  static constexpr int kPadding = 2;  // texels repeated beyond the border, so that the look-up needs no bounds check
-
-  float bilinear(int level, float a, float b) const;
+  static constexpr int kPadding = 2;  // texels repeated beyond the border, so that a look-up needs no bounds check
 
   struct Level {
-    cv::Mat picture;     // CV_8UC1, padded
-    float per_u, per_v;  // texels per metre
-    float cols, rows;    // without padding
+    cv::Mat picture;                 // CV_8UC1, padded
+    float per_u, per_v;              // texels per metre
+    float first_u, first_v;          // texel index of a = 0, b = 0
+    const std::uint8_t* data;        // of picture
+    std::ptrdiff_t step;
+    // Interpolated between four texels. (a, b) must lie on the rectangle, give or take a texel.
+    float at(float a, float b) const {
+      const float x = a * per_u + first_u, y = b * per_v + first_v;
+      const int ix = static_cast<int>(x), iy = static_cast<int>(y);
+      const float fx = x - static_cast<float>(ix), fy = y - static_cast<float>(iy);
+      const std::uint8_t* p = data + iy * step + ix;
+      const std::uint8_t* q = p + step;
+      const float top = p[0] + fx * (p[1] - p[0]);
+      const float bottom = q[0] + fx * (q[1] - q[0]);
+      return top + fy * (bottom - top);
+    }
   };
   float half_u_, half_v_;
   std::vector<Level> levels_;
 };
+
+inline float Texture::gray(float a, float b, float level) const {
+  a = std::clamp(a, -half_u_, half_u_);
+  b = std::clamp(b, -half_v_, half_v_);
+  const int base = static_cast<int>(level);
+  const float fine = levels_[base].at(a, b);
+  const float coarse = levels_[base + 1].at(a, b);
+  return fine + (level - static_cast<float>(base)) * (coarse - fine);
+}
 
 /// The black and white squares, exactly integrated. Immutable; safe from any thread.
 class BoardPattern {
