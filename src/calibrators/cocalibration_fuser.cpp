@@ -24,7 +24,7 @@ InertialWindow::Params windowParams(const FuserParams& params, const ImuNoise& n
   InertialWindow::Params window;
   window.imu_noise = noise;
   if (inputs.camera) {
-    CameraGroup::Params camera{*inputs.camera};
+    CameraGroup::Params camera(*inputs.camera);
     camera.board = inputs.board;
     camera.corner_sigma_px = params.corner_sigma_px;
     camera.track_sigma_px = params.track_sigma_px;

@@ -45,7 +45,7 @@ struct VisualInertialCalibrator::Impl {
                                              const std::optional<BoardGeometry>& board) {
     InertialWindow::Params out;
     out.imu_noise = noise;
-    out.camera = CameraGroup::Params{model};
+    out.camera.emplace(model);
     out.camera->board = board;
     return out;
   }

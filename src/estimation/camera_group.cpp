@@ -26,7 +26,13 @@ void CameraGroup::addFrame(const VisualKeyframe& keyframe) {
   const int index = frames();
   frames_.push_back({keyframe.stamp, -1, keyframe.board});
   for (const TrackObservation& track : keyframe.tracks) {
-    landmarks_[track.id].observations.push_back({index, track.px.cast<double>()});
+    const auto newest = newest_of_.find(track.id);
+    auto landmark = newest == newest_of_.end() ? landmarks_.end() : landmarks_.find(newest->second);
+    if (landmark == landmarks_.end() || landmark->second.observations.size() >= params_.max_track_observations) {
+      newest_of_[track.id] = next_landmark_;
+      landmark = landmarks_.emplace_hint(landmarks_.end(), next_landmark_++, Landmark());
+    }
+    landmark->second.observations.push_back({index, track.px.cast<double>()});
   }
 }
 
@@ -130,6 +136,9 @@ void CameraGroup::addBoard(const WindowState& state, int frame, Sums* sums, Chai
 void CameraGroup::dropFront(int end_node) {
   for (auto it = landmarks_.begin(); it != landmarks_.end();) {
     it = touches(it->second, end_node) ? landmarks_.erase(it) : std::next(it);
+  }
+  for (auto it = newest_of_.begin(); it != newest_of_.end();) {
+    it = landmarks_.count(it->second) == 0 ? newest_of_.erase(it) : std::next(it);
   }
   const auto first_kept = std::find_if(frames_.begin(), frames_.end(),
                                        [&](const Frame& frame) { return frame.node >= end_node; });

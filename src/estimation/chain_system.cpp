@@ -100,6 +100,7 @@ bool ChainSystem::eliminate(const std::vector<int>& order, double lambda, Elimin
   Eigen::VectorXd stacked_b(15 * kNodesPerUpdate);
   Eigen::Index filled = 0;
   const auto applyStacked = [&] {
+    if (filled == 0) return;
     const auto Y = stacked.topRows(filled);
     e.H_global.selfadjointView<Eigen::Lower>().rankUpdate(Y.transpose(), -1.0);
     e.b_global.noalias() -= Y.transpose() * stacked_b.head(filled);

@@ -18,12 +18,16 @@ namespace cocalib {
 class CameraGroup {
  public:
   struct Params {
+    explicit Params(const CameraModel& model) : camera(model) {}
     CameraModel camera;
     std::optional<BoardGeometry> board;
     double corner_sigma_px = 0.1;
     double track_sigma_px = 0.7;
     double huber_sigmas = 2.0;     ///< residual, in sigmas, from which a feature counts linearly
     double gate_sigmas = 5.0;      ///< residual, in sigmas, beyond which an observation is left out
+    /// A longer track goes on as a new landmark: every landmark couples all states between its first and last
+    /// observation, and what a tenth observation adds does not pay for that.
+    std::size_t max_track_observations = 10;
   };
   explicit CameraGroup(const Params& params) : params_(params) {}
 
@@ -84,7 +88,9 @@ class CameraGroup {
 
   Params params_;
   std::vector<Frame> frames_;
-  std::map<std::uint32_t, Landmark> landmarks_;  // by track; ordered, so that sums repeat to the bit
+  std::map<std::uint64_t, Landmark> landmarks_;      // ordered, so that sums repeat to the bit
+  std::map<std::uint32_t, std::uint64_t> newest_of_;  // newest landmark of each track
+  std::uint64_t next_landmark_ = 0;
   std::vector<TimedSensorPose> poses_;                // at the last accumulate()
   double corner_rms_px_ = 0.0, track_rms_px_ = 0.0;
 };
