@@ -1,8 +1,6 @@
 #pragma once
 
-#include <cstdint>
 #include <memory>
-#include <unordered_map>
 #include <vector>
 
 #include <Eigen/Core>
@@ -11,25 +9,37 @@
 
 namespace cocalib {
 
-/// Large planes of a scene and which voxels of space belong to each.
+/// Large planes of a scene and which points of space belong to each.
 ///
 /// Points (world frame, deskewed) are gathered in voxels; voxels whose points are flat are joined with coplanar
-/// neighbours by region growing. Voxels at an intersection (not flat) belong to no plane, so that an
-/// association by voxel never mixes two planes. Planes are numbered by size, most supported first.
-/// Not thread-safe. Deterministic (results depend on the points and their order only).
+/// neighbours by region growing, and coplanar regions across gaps too, so that one wall is one plane. The planes are
+/// then fitted in columns of voxels that cross the whole noise of the plane: a wall on the face between two layers of
+/// voxels is not cut in halves. Columns that hold anything else (an edge, a second plane, clutter) neither take part in the
+/// fit nor answer planeAt(). Planes are numbered by size, most supported first; normals point away from the origin.
+/// Memory grows with the voxels touched, not with the points. Not thread-safe. Deterministic (results depend on the
+/// points and their order only).
 class PlaneMap {
  public:
   struct Params {
     double voxel_m = 0.4;
     double point_sigma_m = 0.03;      ///< noise of a point along the plane normal, 1 sigma
+    double deskew_sigma_m = 0.02;     ///< what errors of pose and deskew add to it, 1 sigma; 0 when both are good
     int min_voxel_points = 12;
     double max_normal_angle_rad = 0.12;   ///< between a voxel and the plane that it joins
     double min_plane_area_m2 = 0.3;
     int max_planes = 60;
+    double gate_sigmas = 4.5;  ///< distance to the plane within which planeAt() answers, and to others that it demands
+
+    /// Of a point about its plane, all together, 1 sigma [m].
+    double sigma() const;
+    /// @throws std::invalid_argument naming the parameter
+    void validate() const;
   };
+  /// @throws std::invalid_argument
   explicit PlaneMap(const Params& params);
   ~PlaneMap();
 
+  /// Points that are not finite are ignored.
   void addPoint(const Eigen::Vector3d& p_W);
   /// Finds the planes of all points added so far; existing planes are found anew.
   void extract();
@@ -38,7 +48,8 @@ class PlaneMap {
 
   int planeCount() const { return static_cast<int>(planes_.size()); }
   const std::vector<Plane>& planes() const { return planes_; }
-  /// Number of the plane to which the voxel of `p_W` belongs, or -1.
+  /// Number of the plane that `p_W` belongs to, or -1: none near, or not certain which. Whether a point is taken does
+  /// not depend on its noise along the normal (up to gate_sigmas), so what is gathered with it is not biased.
   int planeAt(const Eigen::Vector3d& p_W) const;
 
  private:

@@ -13,7 +13,12 @@ using Voxel = Eigen::Vector3i;
 
 /// Voxel of edge length 1 / inverse_edge that holds `p`. @pre p is finite and within voxelInRange()
 inline Voxel voxelOf(const Eigen::Vector3d& p, double inverse_edge) {
-  return (p * inverse_edge).array().floor().cast<int>();
+  // std::floor is a function call on plain x86-64, and this is called for every point.
+  const auto floorOf = [inverse_edge](double x) {
+    const int whole = static_cast<int>(x * inverse_edge);
+    return whole - (x * inverse_edge < whole ? 1 : 0);
+  };
+  return {floorOf(p.x()), floorOf(p.y()), floorOf(p.z())};
 }
 
 /// Whether the voxel of `p` (and its neighbours) can be numbered; false for anything that is not finite.
