@@ -11,9 +11,10 @@
 namespace cocalib {
 namespace {
 
-constexpr double kMaxCoastS = 0.5;      // how long a motion is extrapolated without a view
-constexpr double kMaxMotionGapS = 0.3;  // between two views from which a velocity is taken
-constexpr double kShiftSquares = 2.0;   // by how much a prediction may be off
+constexpr double kMaxCoastS = 0.5;        // how long a motion is extrapolated without a view
+constexpr double kMaxMotionGapS = 0.3;    // between two views from which a velocity is taken
+constexpr double kUnknownRollRad = 0.12;  // tried both ways: 2.4 rad/s at 20 pictures a second
+constexpr double kShiftSquares = 2.0;     // by how much a prediction may be off
 constexpr int kCoarseIterations = 5, kFineIterations = 8;
 constexpr double kCoarseTolerancePx = 0.15, kFineTolerancePx = 0.01;
 constexpr std::size_t kCoarseStride = 2;  // every second corner
@@ -111,6 +112,13 @@ std::vector<Pose> BoardDetector::predictPoses(TimeNs stamp) const {
     }
   }
   poses.push_back(Pose{R_C_B.normalized(), -(R_C_B * camera_B)});
+  if (!before_last_ && !R_Cnow_Clast_) {
+    // Nothing tells how the camera turns: a shift makes up for turns to the side, but not for a roll.
+    for (const double roll : {-kUnknownRollRad, kUnknownRollRad}) {
+      const Pose turn{expSo3({0.0, 0.0, roll}), Eigen::Vector3d::Zero()};
+      poses.push_back(turn * Pose{R_C_B.normalized(), -(R_C_B * camera_B)});
+    }
+  }
   return poses;
 }
 

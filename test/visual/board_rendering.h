@@ -33,47 +33,56 @@ inline double boardLevel(double x, double y, const BoardGeometry& board, const R
   return even == options.first_square_light ? options.light : options.dark;
 }
 
-/// Picture of a chessboard on a grey background, each pixel averaged over 12 x 12 samples.
-inline cv::Mat renderBoard(const Pose& T_C_B, const BoardGeometry& board, const CameraModel& camera,
-                           const RenderOptions& options) {
-  const int width = camera.width(), height = camera.height();
-  const Pose T_B_C = T_C_B.inverse();
-  // Board coordinates at the pixels' upper left corners; inside a pixel the mapping is linear to 1e-5 px.
-  const double nothing = 1e6;
-  std::vector<Eigen::Vector2d> corners((width + 1) * (height + 1));
-  for (int y = 0; y <= height; ++y) {
-    for (int x = 0; x <= width; ++x) {
-      Eigen::Vector2d& out = corners[y * (width + 1) + x];
-      out.setConstant(nothing);
-      const auto bearing = camera.unproject({x - 0.5, y - 0.5});
-      if (!bearing) continue;
-      const Eigen::Vector3d ray_B = T_B_C.q * *bearing;
-      const double range = -T_B_C.t.z() / ray_B.z();
-      if (range > 0.0) out = (T_B_C.t + range * ray_B).head<2>();
+/// Bearings at the upper left corners of all pixels, row by row, one more each way.
+inline std::vector<Eigen::Vector3d> pixelCornerBearings(const CameraModel& camera) {
+  std::vector<Eigen::Vector3d> bearings;
+  for (int y = 0; y <= camera.height(); ++y) {
+    for (int x = 0; x <= camera.width(); ++x) {
+      bearings.push_back(camera.unproject({x - 0.5, y - 0.5}).value_or(-Eigen::Vector3d::UnitZ()));
     }
   }
+  return bearings;
+}
+
+/// Mean grey level over one pixel whose four corners see these places of the board's plane.
+inline double pixelLevel(const Eigen::Vector2d& p00, const Eigen::Vector2d& p10, const Eigen::Vector2d& p01,
+                         const Eigen::Vector2d& p11, const BoardGeometry& board, const RenderOptions& options) {
+  const auto level = [&](const Eigen::Vector2d& p) {
+    const double value = boardLevel(p.x(), p.y(), board, options);
+    return value < 0.0 ? options.background : value;
+  };
+  const double first = level(p00);
+  // A pixel is smaller than a square: where its corners agree, so does all of it but for slivers at a crossing.
+  if (first == level(p10) && first == level(p01) && first == level(p11)) return first;
+  constexpr int kSamples = 16;
+  double sum = 0.0;
+  for (int k = 0; k < kSamples * kSamples; ++k) {
+    const double fx = (k % kSamples + 0.5) / kSamples, fy = (k / kSamples + 0.5) / kSamples;
+    sum += level((1 - fy) * ((1 - fx) * p00 + fx * p10) + fy * ((1 - fx) * p01 + fx * p11));
+  }
+  return sum / (kSamples * kSamples);
+}
+
+/// Picture of a chessboard on a grey background, each pixel averaged over its area.
+/// @param bearings  pixelCornerBearings() of the camera
+inline cv::Mat renderBoard(const Pose& T_C_B, const BoardGeometry& board, const CameraModel& camera,
+                           const std::vector<Eigen::Vector3d>& bearings, const RenderOptions& options) {
+  const int width = camera.width(), height = camera.height();
+  const Pose T_B_C = T_C_B.inverse();
+  const Eigen::Matrix3d R_B_C = T_B_C.R();
+  std::vector<Eigen::Vector2d> places(bearings.size());
+  for (std::size_t i = 0; i < bearings.size(); ++i) {
+    const Eigen::Vector3d ray_B = R_B_C * bearings[i];
+    const double range = -T_B_C.t.z() / ray_B.z();
+    places[i] = range > 0.0 ? Eigen::Vector2d((T_B_C.t + range * ray_B).head<2>()) : Eigen::Vector2d(1e6, 1e6);
+  }
   cv::Mat picture(height, width, CV_32F);
-  constexpr int kSamples = 12;
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
-      const Eigen::Vector2d& p00 = corners[y * (width + 1) + x];
-      const Eigen::Vector2d& p10 = corners[y * (width + 1) + x + 1];
-      const Eigen::Vector2d& p01 = corners[(y + 1) * (width + 1) + x];
-      const Eigen::Vector2d& p11 = corners[(y + 1) * (width + 1) + x + 1];
-      double sum = 0.0;
-      const double far = (board.cols + board.rows + 4) * board.square_m;
-      if (p00.norm() > far || p11.norm() > far || p10.norm() > far || p01.norm() > far) {
-        sum = options.background * kSamples * kSamples;
-      } else {
-        for (int k = 0; k < kSamples * kSamples; ++k) {
-          const double fx = (k % kSamples + 0.5) / kSamples, fy = (k / kSamples + 0.5) / kSamples;
-          const Eigen::Vector2d p = (1 - fy) * ((1 - fx) * p00 + fx * p10) + fy * ((1 - fx) * p01 + fx * p11);
-          const double level = boardLevel(p.x(), p.y(), board, options);
-          sum += level < 0.0 ? options.background : level;
-        }
-      }
+      const Eigen::Vector2d *upper = &places[y * (width + 1) + x], *lower = upper + width + 1;
       const double light = 1.0 + options.light_slope * (x - 0.5 * width) / width;
-      picture.at<float>(y, x) = static_cast<float>(light * sum / (kSamples * kSamples));
+      const double level = pixelLevel(upper[0], upper[1], lower[0], lower[1], board, options);
+      picture.at<float>(y, x) = static_cast<float>(light * level);
     }
   }
   if (options.blur_px > 0.0) cv::GaussianBlur(picture, picture, cv::Size(), options.blur_px, options.blur_px);
