@@ -11,7 +11,9 @@ namespace {
 
 constexpr std::size_t kFewestFrames = 30;
 constexpr double kShortest_s = 3.0;
-constexpr int kRounds = 1;  // repeated once from the refined gyro bias, mounting and offset
+constexpr int kMostRounds = 5;
+// The problem is built anew with the refined gyro bias and mounting until they move by less than this.
+constexpr double kSettledBias = 1e-3, kSettledMounting_rad = 3e-3;
 constexpr double kMinGravity = 9.5, kMaxGravity = 10.1;  // [m/s^2] when left free, beyond three sigma
 constexpr double kMaxBearingSigma_rad = 0.006;           // 3 px of a common camera: not one rigid scene
 constexpr double kMaxVelocitySigma = 0.1;                // [m/s], or
@@ -102,7 +104,7 @@ std::optional<Alignment> alignFromTracks(const ImuBuffer& imu, const RotationIni
   RotationInitialization current = rotation;
   std::optional<TrackProblem> problem;
   TrackSolution solution;
-  for (int round = 0; round <= kRounds; ++round) {
+  for (int round = 0; round < kMostRounds; ++round) {
     problem = makeTrackProblem(imu, current, frames, params.chunk_s, why);
     if (!problem) return refuse();
     const TrackSolution linear = solveTracksLinearly(*problem, params);
@@ -112,7 +114,9 @@ std::optional<Alignment> alignFromTracks(const ImuBuffer& imu, const RotationIni
       return refuse();
     }
     solution = refined->solution;
-    if (round == kRounds) break;  // the problem must stand at the rotations that the velocities belong to
+    const bool settled = (refined->gyro_bias - current.gyro_bias).norm() < kSettledBias &&
+                         refined->R_imu_camera.angularDistance(current.R_imu_sensor) < kSettledMounting_rad;
+    if (settled && round > 0) break;  // the problem stands at the rotations that the velocities belong to
     current.R_imu_sensor = refined->R_imu_camera;
     current.gyro_bias = refined->gyro_bias;
     current.time_offset_s = refined->time_offset_s;

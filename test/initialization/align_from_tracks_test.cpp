@@ -110,6 +110,15 @@ TEST(AlignFromTracks, UpsideDownHalfAMetreAwayWithOutliersAndLargeBiases) {
   expectAligned(rig, *found, {0.04, 0.15, 0.015, 0.008, 0.001});
 }
 
+// Camera rotations alone leave degrees and tens of mrad/s: rotation 2.9 deg, bias 31 mrad/s wrong here.
+TEST(AlignFromTracks, FromAPoorRotation) {
+  const SimulatedRig rig = cameraRig(sim::Motion::kFull, 1, 12.0, 0.3, {-0.02, -0.06, 0.01}, 0.0, 0.08, 0.1);
+  std::string reason;
+  const auto found = alignFromTracks(rig.imu, roughRotation(rig, 4.0), bearingFrames(rig, 0.7, 0.1), {}, &reason);
+  ASSERT_TRUE(found) << reason;
+  expectAligned(rig, *found, {0.04, 0.15, 0.015, 0.008, 0.001});
+}
+
 TEST(AlignFromTracks, MildMotion) {
   const SimulatedRig rig = cameraRig(sim::Motion::kMild, 1, 12.0, M_PI / 2, {0.0, 0.1, 0.2}, 0.0);
   std::string reason;
