@@ -10,7 +10,6 @@
 #include <chrono>
 #include <cstdio>
 #include <deque>
-#include <fstream>
 #include <future>
 #include <iostream>
 #include <opencv2/core.hpp>
@@ -20,6 +19,7 @@
 #include <thread>
 #include <vector>
 
+#include "cocalib/io/result_file.h"
 #include "cocalib/ros/bag_writer.h"
 #include "cocalib/sim/camera.h"
 #include "cocalib/sim/imu.h"
@@ -117,8 +117,8 @@ class Recording {
     }
     for (; next_imu < imu.size(); ++next_imu) writeImu(bag, imu[next_imu]);
     const std::string stem = bag_path.substr(0, bag_path.rfind(".bag"));
-    sim::writeTextFile(stem + ".truth.yaml", sim::truthText(scenario_, scene_, trajectory_));
-    sim::writeTextFile(stem + ".rig.yaml", sim::rigText(scenario_));
+    writeFileAtomically(stem + ".truth.yaml", sim::truthText(scenario_, scene_, trajectory_));
+    writeFileAtomically(stem + ".rig.yaml", sim::rigText(scenario_));
     bag.finish();
   }
 

@@ -1,13 +1,9 @@
 #include "cocalib/sim/truth_file.h"
 
 #include <algorithm>
-#include <cerrno>
-#include <cstdio>
-#include <cstring>
-#include <fstream>
 #include <iomanip>
 #include <sstream>
-#include <stdexcept>
+#include <vector>
 
 #include "cocalib/sim/imu.h"
 
@@ -17,7 +13,11 @@ namespace {
 std::string number(double value) {
   std::ostringstream text;
   text << std::setprecision(12) << value;
-  return text.str();
+  // YAML 1.1 readers take 1e-06 for text, 1.0e-06 for a number.
+  std::string result = text.str();
+  const std::size_t exponent = result.find('e');
+  if (exponent != std::string::npos && result.find('.') == std::string::npos) result.insert(exponent, ".0");
+  return result;
 }
 
 template <typename Vector>
@@ -110,17 +110,6 @@ std::string rigText(const Scenario& scenario) {
          << "  board_height: " << number(scenario.board.height_m) << "\n";
   }
   return text.str();
-}
-
-void writeTextFile(const std::string& path, const std::string& text) {
-  const std::string partial = path + ".partial";
-  std::ofstream file(partial);
-  file << text;
-  file.close();
-  if (file && std::rename(partial.c_str(), path.c_str()) == 0) return;
-  const std::string reason = std::strerror(errno);
-  std::remove(partial.c_str());
-  throw std::runtime_error(path + ": cannot be written (" + reason + "); choose a directory with room");
 }
 
 }  // namespace cocalib::sim

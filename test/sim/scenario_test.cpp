@@ -55,9 +55,9 @@ TEST(Scenario, MissingFileIsNamed) {
 
 TEST(Scenario, EveryShippedScenarioLoads) {
   const std::set<std::string> names = {
-      "table1_full", "table1_mild", "planar",    "rotation_only", "translation_only", "static",    "time_offsets",
-      "upside_down", "sideways",    "ouster32",  "ouster64",      "ouster128",        "hesai",     "robosense",
-      "livox",       "no_time_field", "rolling_shutter", "motion_blur", "compressed"};
+      "table1_full", "table1_mild",   "planar",          "rotation_only", "translation_only", "static", "time_offsets",
+      "upside_down", "sideways",      "ouster32",        "ouster64",      "ouster128",        "hesai",  "robosense",
+      "livox",       "no_time_field", "rolling_shutter", "motion_blur",   "compressed"};
   for (const std::string& name : names) {
     const Scenario scenario = loadScenario("cfg/scenarios/" + name + ".yaml");
     EXPECT_EQ(scenario.name, name);
@@ -87,7 +87,8 @@ TEST(Scenario, FullFileAgreesWithTheDefaults) {
 
 TEST(Scenario, MountingsAreThoseOfTheTable) {
   const Scenario scenario;
-  // The optical axis of a camera whose body looks along x of the IMU, turned by pitch and yaw: x of rpy (-0.16, -0.16, -0.04).
+  // The optical axis of a camera whose body looks along x of the IMU, turned by pitch and yaw: x of rpy (-0.16, -0.16,
+  // -0.04).
   const Eigen::Vector3d axis = scenario.camera.T_imu_camera().q * Eigen::Vector3d::UnitZ();
   const Eigen::Vector3d expected(std::cos(-0.16) * std::cos(-0.04), std::cos(-0.16) * std::sin(-0.04), std::sin(0.16));
   EXPECT_LT((axis - expected).norm(), 1e-12);

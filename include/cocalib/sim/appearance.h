@@ -1,10 +1,10 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <opencv2/core/mat.hpp>
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <opencv2/core/mat.hpp>
 #include <vector>
 
 #include "cocalib/sim/scene.h"
@@ -31,10 +31,10 @@ class Texture {
   static constexpr int kPadding = 2;  // texels repeated beyond the border, so that a look-up needs no bounds check
 
   struct Level {
-    cv::Mat picture;                 // CV_8UC1, padded
-    float per_u, per_v;              // texels per metre
-    float first_u, first_v;          // texel index of a = 0, b = 0
-    const std::uint8_t* data;        // of picture
+    cv::Mat picture;           // CV_8UC1, padded
+    float per_u, per_v;        // texels per metre
+    float first_u, first_v;    // texel index of a = 0, b = 0
+    const std::uint8_t* data;  // of picture
     std::ptrdiff_t step;
     // Interpolated between four texels. (a, b) must lie on the rectangle, give or take a texel.
     float at(float a, float b) const {

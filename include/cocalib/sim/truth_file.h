@@ -15,7 +15,4 @@ std::string truthText(const Scenario& scenario, const Scene& scene, const Trajec
 /// A rig file for the bag: topics, frames, noise and board, no initial guess.
 std::string rigText(const Scenario& scenario);
 
-/// Writes a text file in one piece: it appears complete or not at all. @throws std::runtime_error
-void writeTextFile(const std::string& path, const std::string& text);
-
 }  // namespace cocalib::sim
