@@ -1,20 +1,19 @@
 #include "cocalib/lidar/elastic_registration.h"
 
-#include <algorithm>
-#include <cmath>
-
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
 
 #include "cocalib/geometry/so3.h"
 
 namespace cocalib {
 namespace {
 
-constexpr double kGateFactor = 0.7;         // from one iteration to the next
-constexpr double kRotationStep = 1e-5;      // rad; below it the iteration has converged
-constexpr double kTranslationStep = 1e-4;   // m
+constexpr double kGateFactor = 0.7;        // from one iteration to the next
+constexpr double kRotationStep = 1e-5;     // rad; below it the iteration has converged
+constexpr double kTranslationStep = 1e-4;  // m
 
 /// Sums of one pass over the points.
 struct NormalEquations {
@@ -27,9 +26,7 @@ struct NormalEquations {
 };
 
 /// How much of a change of (begin, end, bow) reaches a point at `fraction`.
-Eigen::Vector3d basisAt(double fraction) {
-  return {1.0 - fraction, fraction, 4.0 * fraction * (1.0 - fraction)};
-}
+Eigen::Vector3d basisAt(double fraction) { return {1.0 - fraction, fraction, 4.0 * fraction * (1.0 - fraction)}; }
 
 /// Coarse voxels while the gate is wide: small ones would hold the neighbouring surface.
 int firstLevelFor(double gate_m, double finest_edge_m) {

@@ -21,19 +21,19 @@ constexpr double kLinearVelocityStep = 0.25;   // m/s
 constexpr double kAngularStep = 0.003;         // rad; error of the last sweep's end pose
 constexpr double kLinearStep = 0.006;          // m
 
-constexpr double kDeskewError = 0.015;         // m; what the motion model leaves in a sweep
-constexpr double kFirstGate = 0.6;             // m
-constexpr double kUnknownMotionGate = 1.5;     // m; the first two sweeps
+constexpr double kDeskewError = 0.015;      // m; what the motion model leaves in a sweep
+constexpr double kFirstGate = 0.6;          // m
+constexpr double kUnknownMotionGate = 1.5;  // m; the first two sweeps
 constexpr double kLastGateSigmas = 3.5;
-constexpr double kThicknessSigmas = 2.0;       // of a local plane
+constexpr double kThicknessSigmas = 2.0;  // of a local plane
 constexpr int kBootstrapRounds = 5;
-constexpr int kInsertFactor = 3;               // points that enter the map / points used for registration
+constexpr int kInsertFactor = 3;  // points that enter the map / points used for registration
 
 constexpr int kMinPoints = 100;
 constexpr double kMinOverlap = 0.5;
 constexpr double kMinOverlapToInsert = 0.3;
-constexpr double kMaxRotationSigma = 0.005;    // rad
-constexpr int kMaxLostSweeps = 5;              // then the map starts anew
+constexpr double kMaxRotationSigma = 0.005;  // rad
+constexpr int kMaxLostSweeps = 5;            // then the map starts anew
 
 Vector6d tangent(double translation, double rotation) {
   Vector6d v;
@@ -69,9 +69,7 @@ double durationOf(const LidarScan& scan) {
 
 struct LidarOdometry::Impl {
   explicit Impl(const Params& p)
-      : params(p),
-        sigma_m(std::hypot(p.range_noise_m, kDeskewError)),
-        map(p.voxel_m, kThicknessSigmas * sigma_m) {}
+      : params(p), sigma_m(std::hypot(p.range_noise_m, kDeskewError)), map(p.voxel_m, kThicknessSigmas * sigma_m) {}
 
   /// One sweep and its motion.
   struct Sweep {
@@ -95,10 +93,10 @@ struct LidarOdometry::Impl {
   Params params;
   double sigma_m;
   PlanarVoxelMap map;
-  int sweeps = 0;                          ///< registered so far; 1: only the first sweep, its motion unknown
-  int lost = 0;                            ///< sweeps in a row that did not fit the map
-  Sweep last;                              ///< the newest sweep
-  Vector6d velocity = Vector6d::Zero();    ///< at its end, per second
+  int sweeps = 0;                        ///< registered so far; 1: only the first sweep, its motion unknown
+  int lost = 0;                          ///< sweeps in a row that did not fit the map
+  Sweep last;                            ///< the newest sweep
+  Vector6d velocity = Vector6d::Zero();  ///< at its end, per second
 };
 
 LidarOdometry::Impl::Sweep LidarOdometry::Impl::prepare(const LidarScan& scan) const {
@@ -224,17 +222,17 @@ LidarOdometry::Result LidarOdometry::Impl::next(Sweep sweep) {
 }
 
 LidarOdometry::LidarOdometry(const Params& params) {
-  if (!(params.voxel_m > 0.0) || params.max_points <= 0 || params.max_iterations <= 0 || !(params.range_noise_m > 0.0)) {
-    throw std::invalid_argument("LidarOdometry: voxel_m, max_points, max_iterations and range_noise_m must be positive");
+  if (!(params.voxel_m > 0.0) || params.max_points <= 0 || params.max_iterations <= 0 ||
+      !(params.range_noise_m > 0.0)) {
+    throw std::invalid_argument(
+        "LidarOdometry: voxel_m, max_points, max_iterations and range_noise_m must be positive");
   }
   impl_ = std::make_unique<Impl>(params);
 }
 
 LidarOdometry::~LidarOdometry() = default;
 
-Pose LidarOdometry::Result::at(double fraction) const {
-  return SweepMotion{T_M_L_begin, T_M_L_end, bow}.at(fraction);
-}
+Pose LidarOdometry::Result::at(double fraction) const { return SweepMotion{T_M_L_begin, T_M_L_end, bow}.at(fraction); }
 
 LidarOdometry::Result LidarOdometry::addScan(const LidarScan& scan) {
   Impl::Sweep sweep = impl_->prepare(scan);

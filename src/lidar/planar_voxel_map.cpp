@@ -54,8 +54,8 @@ void PlanarVoxelMap::fit(const Level& level, VoxelData* voxel) const {
   const PrincipalAxes principal = principalAxes(voxel->moments);
   const double min_width_m = kMinWidth / level.inverse_edge;
   voxel->fitted_count = voxel->moments.count;
-  voxel->is_plane = principal.variances[0] < thickness_m_ * thickness_m_ &&
-                    principal.variances[1] > min_width_m * min_width_m;
+  voxel->is_plane =
+      principal.variances[0] < thickness_m_ * thickness_m_ && principal.variances[1] > min_width_m * min_width_m;
   if (!voxel->is_plane) return;
   LocalPlane& plane = voxel->plane;
   plane.centre = voxel->moments.mean;

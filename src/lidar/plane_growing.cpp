@@ -7,13 +7,13 @@
 namespace cocalib {
 namespace {
 
-constexpr double kThicknessSigmas = 1.3;   // of a flat voxel; poses may be a little worse than said
-constexpr double kMinWidth = 0.15;         // spread along the second axis / voxel edge: a single ring is a line
-constexpr double kMinFlatness = 4.0;       // variance along the second axis / along the normal
+constexpr double kThicknessSigmas = 1.3;  // of a flat voxel; poses may be a little worse than said
+constexpr double kMinWidth = 0.15;        // spread along the second axis / voxel edge: a single ring is a line
+constexpr double kMinFlatness = 4.0;      // variance along the second axis / along the normal
 // A voxel may hold one half of the noise of a plane on its face: its mean is then 0.8 sigma off the plane.
 constexpr double kJoinSigmas = 1.2;
-// Voxels beside a region in which the plane cuts off a corner hold a skewed part of its noise: flat perhaps, but tilted.
-// What stays within this root mean square distance of the plane is the plane.
+// Voxels beside a region in which the plane cuts off a corner hold a skewed part of its noise: flat perhaps, but
+// tilted. What stays within this root mean square distance of the plane is the plane.
 constexpr double kCoveredSigmas = 2.5;
 constexpr double kMergeSigmas = 0.5;
 constexpr double kRefitGrowth = 1.05;
@@ -33,9 +33,10 @@ FlatVoxel judge(const PointMoments& moments, const PlaneMap::Params& params) {
   const PrincipalAxes principal = principalAxes(moments);
   const double sigma2 = params.sigma() * params.sigma();
   const double min_width_m = kMinWidth * params.voxel_m;
-  voxel.flat = principal.variances[0] < kThicknessSigmas * kThicknessSigmas * sigma2 * (1.0 + 4.0 * std::sqrt(2.0 / n)) &&
-               principal.variances[1] > min_width_m * min_width_m &&
-               principal.variances[1] > kMinFlatness * principal.variances[0];
+  voxel.flat =
+      principal.variances[0] < kThicknessSigmas * kThicknessSigmas * sigma2 * (1.0 + 4.0 * std::sqrt(2.0 / n)) &&
+      principal.variances[1] > min_width_m * min_width_m &&
+      principal.variances[1] > kMinFlatness * principal.variances[0];
   voxel.normal = principal.axes.col(0);
   voxel.normal_sigma = params.sigma() / std::sqrt(n * std::max(principal.variances[1], 1e-12));
   voxel.score = n * principal.variances[1] / (principal.variances[0] + 0.25 * sigma2);
@@ -103,7 +104,8 @@ class Grower {
     }
   }
 
-  /// Takes the flat voxels beside the region that hold nothing but a part of its noise, without letting them shape the fit.
+  /// Takes the flat voxels beside the region that hold nothing but a part of its noise, without letting them shape the
+  /// fit.
   void cover(PlaneRegion* region) {
     const std::size_t count = region->members.size();
     for (std::size_t i = 0; i < count; ++i) {

@@ -1,7 +1,9 @@
 #include "cocalib/lidar/plane_refinement.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <utility>
 
 namespace cocalib {
 namespace {
@@ -24,7 +26,8 @@ constexpr double kThicknessSlack = 0.2;
 constexpr double kNeighbourShare = 0.05;
 // A fit whose normal is less certain than this tells nothing of a plane; its neighbours are still guarded [rad].
 constexpr double kMaxNormalSigma = 0.01;
-// Steps in which a plane's surface is continued beyond its flat voxels: over an edge, where none is flat, and one farther.
+// Steps in which a plane's surface is continued beyond its flat voxels: over an edge, where none is flat, and one
+// farther.
 constexpr int kContinuation = 2;
 
 /// Coordinate in which a plane's normal is largest.
@@ -184,8 +187,9 @@ class Refiner {
   }
 
   /// Whether the surface goes on beyond all four sides of the column. Noise acts along the ray and hence along the
-  /// surface too, in step with its part along the normal; where a surface is seen up to its end that correlation turns the
-  /// fit (by up to 12 variances / width^2: 4 mrad for a panel of 1 m), in a window cut out of it gains and losses cancel.
+  /// surface too, in step with its part along the normal; where a surface is seen up to its end that correlation turns
+  /// the fit (by up to 12 variances / width^2: 4 mrad for a panel of 1 m), in a window cut out of it gains and losses
+  /// cancel.
   bool isInterior(const Plane& plane, const Column& column, double count) const {
     const int axis = mainAxis(plane);
     for (int side = 0; side < 4; ++side) {

@@ -1,12 +1,12 @@
 #include "cocalib/lidar/plane_map.h"
 
+#include <gtest/gtest.h>
+
 #include <cmath>
 #include <limits>
 #include <random>
 #include <stdexcept>
 #include <vector>
-
-#include <gtest/gtest.h>
 
 #include "cocalib/geometry/pose.h"
 
@@ -74,10 +74,8 @@ struct Corner {
 
 // Walls in the middle of voxels, on their faces and a little beside them, and turned in every way.
 const std::vector<Pose> kPlacements = {
-    {Eigen::Quaterniond::Identity(), {0.2, 0.2, 0.2}},
-    {Eigen::Quaterniond::Identity(), {0.0, 0.4, 1.2}},
-    {Eigen::Quaterniond::Identity(), {0.38, -0.03, 0.05}},
-    {expSo3({0.02, -0.03, 0.4}), {1.0, 2.0, -3.0}},
+    {Eigen::Quaterniond::Identity(), {0.2, 0.2, 0.2}},     {Eigen::Quaterniond::Identity(), {0.0, 0.4, 1.2}},
+    {Eigen::Quaterniond::Identity(), {0.38, -0.03, 0.05}}, {expSo3({0.02, -0.03, 0.4}), {1.0, 2.0, -3.0}},
     {expSo3({0.5, -0.6, 0.7}), {-2.0, 0.3, 0.7}},
 };
 
@@ -112,7 +110,8 @@ TEST(PlaneMap, ClaimsPointsWithoutBiasAndWithoutMistakes) {
       }
       EXPECT_EQ(mistaken, 0) << "placement " << placement << " wall " << k;
       ASSERT_GT(claimed, 0.55 * corner.walls[k].size()) << "placement " << placement << " wall " << k;
-      EXPECT_LT(std::abs(sum / claimed), 4.0 * kSigma / std::sqrt(claimed)) << "placement " << placement << " wall " << k;
+      EXPECT_LT(std::abs(sum / claimed), 4.0 * kSigma / std::sqrt(claimed))
+          << "placement " << placement << " wall " << k;
       EXPECT_NEAR(std::sqrt(squares / claimed), kSigma, 2e-4) << "placement " << placement << " wall " << k;
     }
   }
@@ -120,7 +119,9 @@ TEST(PlaneMap, ClaimsPointsWithoutBiasAndWithoutMistakes) {
 
 TEST(PlaneMap, GivesNoPlaneNearAnEdgeOrInFreeSpace) {
   const Corner corner(kPlacements[3]);
-  const auto at = [&](double x, double y, double z) { return corner.map.planeAt(corner.T_W_S * Eigen::Vector3d(x, y, z)); };
+  const auto at = [&](double x, double y, double z) {
+    return corner.map.planeAt(corner.T_W_S * Eigen::Vector3d(x, y, z));
+  };
   EXPECT_EQ(at(3.0, 2.5, 0.0), 0);
   EXPECT_EQ(at(3.0, 2.5, 0.1), 0);
   EXPECT_EQ(at(3.0, 2.5, -0.1), 0);
@@ -175,7 +176,7 @@ TEST(PlaneMap, TakesNoPlaneFromClutterLinesOrFewPoints) {
   std::mt19937_64 random(3);
   std::uniform_real_distribution<double> even(0.0, 2.0);
   std::normal_distribution<double> noise(0.0, kSigma);
-  for (int i = 0; i < 20000; ++i) map.addPoint({even(random), even(random), even(random)});   // a bush
+  for (int i = 0; i < 20000; ++i) map.addPoint({even(random), even(random), even(random)});                // a bush
   for (int i = 0; i < 20000; ++i) map.addPoint({5.0 + noise(random), even(random), 1.0 + noise(random)});  // a ring
   map.extract();
   EXPECT_EQ(map.planeCount(), 0);

@@ -1,12 +1,12 @@
 // Real VLP-16 clouds, where the optional data folder is there.
 
-#include <filesystem>
-#include <string>
-#include <vector>
-
 #include <gtest/gtest.h>
 #include <rosbag/bag.h>
 #include <rosbag/view.h>
+
+#include <filesystem>
+#include <string>
+#include <vector>
 
 #include "cocalib/lidar/lidar_odometry.h"
 #include "cocalib/lidar/plane_map.h"

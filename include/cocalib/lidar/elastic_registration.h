@@ -1,9 +1,8 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <array>
 #include <vector>
-
-#include <Eigen/Core>
 
 #include "cocalib/geometry/pose.h"
 #include "cocalib/lidar/planar_voxel_map.h"
@@ -16,8 +15,8 @@ using Matrix18d = Eigen::Matrix<double, 18, 18>;
 /// Motion of the lidar over one sweep: constant twist between two poses plus a bow of constant acceleration.
 /// T(a) = (begin o Exp-path to end)(a) plus 4 a (1 - a) bow, for a = 0..1 of the sweep.
 struct SweepMotion {
-  Pose begin, end;                      ///< T_M_L at the first and at the last point
-  Vector6d bow = Vector6d::Zero();      ///< deviation at half time, in Pose's tangent
+  Pose begin, end;                  ///< T_M_L at the first and at the last point
+  Vector6d bow = Vector6d::Zero();  ///< deviation at half time, in Pose's tangent
 
   Pose at(double fraction) const;
   /// Tangent velocity at the end, times the duration of the sweep.
@@ -47,16 +46,16 @@ class SampledMotion {
 struct MotionPrior {
   Pose begin;
   Vector6d begin_sigma = Vector6d::Ones();
-  Vector6d begin_velocity = Vector6d::Zero();      ///< at the begin, times the duration
+  Vector6d begin_velocity = Vector6d::Zero();  ///< at the begin, times the duration
   Vector6d begin_velocity_sigma = Vector6d::Ones();
-  Vector6d bow_sigma = Vector6d::Ones();           ///< about zero
+  Vector6d bow_sigma = Vector6d::Ones();  ///< about zero
 };
 
 struct ElasticRegistrationOptions {
   int max_iterations = 12;
   double point_sigma_m = 0.03;
-  double first_gate_m = 0.5;   ///< distance to the map accepted in the first iteration
-  double last_gate_m = 0.12;   ///< and at convergence
+  double first_gate_m = 0.5;  ///< distance to the map accepted in the first iteration
+  double last_gate_m = 0.12;  ///< and at convergence
 };
 
 struct ElasticRegistrationResult {
@@ -66,8 +65,8 @@ struct ElasticRegistrationResult {
   double rotation_sigma = 1e9;  ///< worst direction of the sweep's rotation as the points alone determine it [rad]
 };
 
-/// Finds the motion that lays the points of a sweep onto the map: Gauss-Newton over begin, end and bow with Tukey weights,
-/// from coarse to fine gates, each iteration associating anew.
+/// Finds the motion that lays the points of a sweep onto the map: Gauss-Newton over begin, end and bow with Tukey
+/// weights, from coarse to fine gates, each iteration associating anew.
 ElasticRegistrationResult registerElastic(const PlanarVoxelMap& map, const std::vector<SweepPoint>& points,
                                           const SweepMotion& start, const MotionPrior& prior,
                                           const ElasticRegistrationOptions& options);

@@ -1,8 +1,8 @@
 #pragma once
 
-#include <vector>
-
 #include <Eigen/Core>
+#include <cmath>
+#include <vector>
 
 #include "cocalib/geometry/plane.h"
 #include "cocalib/lidar/point_moments.h"

@@ -1,8 +1,7 @@
 #pragma once
 
-#include <vector>
-
 #include <Eigen/Core>
+#include <vector>
 
 #include "cocalib/lidar/point_moments.h"
 #include "cocalib/lidar/voxel_index.h"
@@ -17,11 +16,12 @@ class PlanarVoxelMap {
 
   /// Local plane of a voxel with what is known of its accuracy.
   struct LocalPlane {
-    Eigen::Vector3d centre = Eigen::Vector3d::Zero();      ///< [m]
-    Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();     ///< unit
-    Eigen::Vector3d axis_a = Eigen::Vector3d::Zero();      ///< longest spread in the plane, over its standard deviation [1/m]
-    Eigen::Vector3d axis_b = Eigen::Vector3d::Zero();      ///< the other spread in the plane, likewise [1/m]
-    double inverse_count = 0.0;                            ///< 1 / points that determine the plane
+    Eigen::Vector3d centre = Eigen::Vector3d::Zero();   ///< [m]
+    Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();  ///< unit
+    Eigen::Vector3d axis_a =
+        Eigen::Vector3d::Zero();  ///< longest spread in the plane, over its standard deviation [1/m]
+    Eigen::Vector3d axis_b = Eigen::Vector3d::Zero();  ///< the other spread in the plane, likewise [1/m]
+    double inverse_count = 0.0;                        ///< 1 / points that determine the plane
 
     double distance(const Eigen::Vector3d& p) const { return normal.dot(p - centre); }
     /// Variance of distance(p) that comes from the plane's own points, in units of one point's variance.
@@ -45,8 +45,8 @@ class PlanarVoxelMap {
   bool empty() const { return levels_.front().voxels.empty(); }
   double finestEdge() const { return 1.0 / levels_.front().inverse_edge; }  ///< [m]
 
-  /// The plane nearest to `p` within `gate_m`, in the finest level from `first_level` upward that has one; null if none.
-  /// Looks into the voxel of `p` and those neighbours that are nearer than the gate.
+  /// The plane nearest to `p` within `gate_m`, in the finest level from `first_level` upward that has one; null if
+  /// none. Looks into the voxel of `p` and those neighbours that are nearer than the gate.
   const LocalPlane* nearestPlane(const Eigen::Vector3d& p, double gate_m, int first_level) const;
 
  private:

@@ -1,9 +1,8 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <memory>
 #include <vector>
-
-#include <Eigen/Core>
 
 #include "cocalib/geometry/plane.h"
 
@@ -14,18 +13,18 @@ namespace cocalib {
 /// Points (world frame, deskewed) are gathered in voxels; voxels whose points are flat are joined with coplanar
 /// neighbours by region growing, and coplanar regions across gaps too, so that one wall is one plane. The planes are
 /// then fitted in columns of voxels that cross the whole noise of the plane: a wall on the face between two layers of
-/// voxels is not cut in halves. Columns that hold anything else (an edge, a second plane, clutter) neither take part in the
-/// fit nor answer planeAt(). Planes are numbered by size, most supported first; normals point away from the origin.
+/// voxels is not cut in halves. Columns that hold anything else (an edge, a second plane, clutter) neither take part in
+/// the fit nor answer planeAt(). Planes are numbered by size, most supported first; normals point away from the origin.
 /// Memory grows with the voxels touched, not with the points. Not thread-safe. Deterministic (results depend on the
 /// points and their order only).
 class PlaneMap {
  public:
   struct Params {
     double voxel_m = 0.4;
-    double point_sigma_m = 0.03;      ///< noise of a point along the plane normal, 1 sigma
-    double deskew_sigma_m = 0.02;     ///< what errors of pose and deskew add to it, 1 sigma; 0 when both are good
+    double point_sigma_m = 0.03;   ///< noise of a point along the plane normal, 1 sigma
+    double deskew_sigma_m = 0.02;  ///< what errors of pose and deskew add to it, 1 sigma; 0 when both are good
     int min_voxel_points = 12;
-    double max_normal_angle_rad = 0.12;   ///< between a voxel and the plane that it joins
+    double max_normal_angle_rad = 0.12;  ///< between a voxel and the plane that it joins
     double min_plane_area_m2 = 0.3;
     int max_planes = 60;
     double gate_sigmas = 4.5;  ///< distance to the plane within which planeAt() answers, and to others that it demands

@@ -12,14 +12,14 @@ namespace cocalib {
 /// A plane fitted to pure columns.
 struct RefinedPlane {
   Plane plane;
-  double support = 0.0;              ///< points in pure columns
-  std::vector<Voxel> surroundings;   ///< voxels near the plane's surface
-  std::vector<Voxel> pure;           ///< voxels in which its points can be told from all else
+  double support = 0.0;             ///< points in pure columns
+  std::vector<Voxel> surroundings;  ///< voxels near the plane's surface
+  std::vector<Voxel> pure;          ///< voxels in which its points can be told from all else
 };
 
 /// Fits each region's plane to the columns of voxels (along the main axis of its normal) that cross the whole noise of
-/// the plane and hold nothing else: mean and thickness agree with the noise and no other plane passes through. The order of
-/// the regions is kept; a plane without a pure column keeps the region's fit and has no support.
+/// the plane and hold nothing else: mean and thickness agree with the noise and no other plane passes through. The
+/// order of the regions is kept; a plane without a pure column keeps the region's fit and has no support.
 std::vector<RefinedPlane> refinePlanes(const MomentVoxels& voxels, const std::vector<PlaneRegion>& regions,
                                        const PlaneMap::Params& params);
 

@@ -29,8 +29,8 @@ class PlaneTerritory {
     for (int i = 0; i < cell.count; ++i) visit(static_cast<int>(cell.plane[i]));
   }
 
-  /// Number of the plane that claims `p`, or -1. A plane claims a point within gate_m if the point's foot on it lies in a
-  /// voxel allowed to it and so far from all other planes near that none of them can claim it. All but the gate is
+  /// Number of the plane that claims `p`, or -1. A plane claims a point within gate_m if the point's foot on it lies in
+  /// a voxel allowed to it and so far from all other planes near that none of them can claim it. All but the gate is
   /// judged at the foot, hence independent of the point's noise along the normal.
   int claim(const Eigen::Vector3d& p, const std::vector<Plane>& planes, double gate_m) const;
 

@@ -9,8 +9,8 @@ namespace cocalib {
 /// plane needs to know of its points. Kept about the mean, so that coordinates far from the origin cost no digits.
 struct PointMoments {
   double count = 0.0;
-  Eigen::Vector3d mean = Eigen::Vector3d::Zero();       ///< [m]
-  Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();    ///< sum of (p - mean)(p - mean)^T [m^2]
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();     ///< [m]
+  Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();  ///< sum of (p - mean)(p - mean)^T [m^2]
 
   void add(const Eigen::Vector3d& p) {
     count += 1.0;
@@ -30,9 +30,7 @@ struct PointMoments {
   }
 
   /// Variance of the points along a unit direction, about their mean [m^2]. @pre count > 0
-  double varianceAlong(const Eigen::Vector3d& direction) const {
-    return direction.dot(scatter * direction) / count;
-  }
+  double varianceAlong(const Eigen::Vector3d& direction) const { return direction.dot(scatter * direction) / count; }
 };
 
 /// Principal axes of a set of points.

@@ -1,10 +1,9 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <cmath>
 #include <cstdint>
 #include <vector>
-
-#include <Eigen/Core>
 
 namespace cocalib {
 
@@ -77,7 +76,8 @@ class VoxelIndex {
   }
 
   std::size_t firstSlot(std::uint64_t key) const {
-    const std::uint64_t mixed = key * 0x9E3779B97F4A7C15ULL;  // Fibonacci hashing: the high bits depend on all of the key
+    const std::uint64_t mixed =
+        key * 0x9E3779B97F4A7C15ULL;  // Fibonacci hashing: the high bits depend on all of the key
     return static_cast<std::size_t>(mixed >> 32) & (slots_.size() - 1);
   }
 
