@@ -54,6 +54,25 @@ bool agreesWithPrediction(const plate::Patch& patch, const Gate& gate) {
   return std::abs(side.dot(gate.T_L_P.q * Eigen::Vector3d::UnitX())) > std::cos(std::min(gate.roll_rad, 1.5));
 }
 
+Eigen::Vector3d meanOf(const plate::Sweep& sweep, const std::vector<int>& indices) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const int i : indices) sum += sweep.point(i);
+  return sum / static_cast<double>(indices.size());
+}
+
+/// All returns from the plate, those at its rim too, in ascending order.
+std::vector<int> returnsFrom(const plate::Patch& patch) {
+  std::vector<int> indices;
+  for (const plate::Row& row : patch.rows) {
+    for (const plate::Beam& beam : row.beams) {
+      const bool on = beam.verdict == plate::Verdict::kOn || beam.verdict == plate::Verdict::kUnclear;
+      if (on && patch.rectangle.signedDistance(beam.hit) < 0.05) indices.push_back(beam.index);
+    }
+  }
+  std::sort(indices.begin(), indices.end());
+  return indices;
+}
+
 void removeSorted(const std::vector<int>& sorted_remove, std::vector<int>* indices) {
   indices->erase(
       std::remove_if(indices->begin(), indices->end(),
@@ -81,12 +100,19 @@ std::optional<BoardSegment> segmentBoard(const LidarScan& scan, const std::vecto
     std::vector<int> supporters;
     const auto plane = plate::findPlane(sweep, left, normal, gate.normal_angle_rad, kRansacIterations, &supporters);
     if (!plane) break;
-    const auto patch = plate::fitPatch(sweep, *plane, supporters, gate.T_L_P.t, side, size, false);
-    if (patch && agreesWithPrediction(*patch, gate)) {
-      if (found) return std::nullopt;  // two plates: which one is the board cannot be told
-      found = patch;
+    const Eigen::Vector3d start = found ? meanOf(sweep, supporters) : gate.T_L_P.t;
+    const auto patch = plate::fitPatch(sweep, *plane, supporters, start, side, size, false);
+    if (!patch || !agreesWithPrediction(*patch, gate)) {
+      removeSorted(supporters, &left);
+      continue;
     }
-    removeSorted(supporters, &left);
+    // Two plates: which one is the board cannot be told.
+    const Eigen::Vector3d centre = patch->frame.point(patch->rectangle.centre);
+    if (found && (centre - found->frame.point(found->rectangle.centre)).norm() > 0.3 * size.minCoeff()) {
+      return std::nullopt;
+    }
+    if (!found) found = patch;
+    removeSorted(returnsFrom(*patch), &left);
   }
   if (!found) return std::nullopt;
   return plate::segmentOf(sweep, *found);
