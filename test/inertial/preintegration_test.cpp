@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "cocalib/factors/imu_factor.h"
+#include "cocalib/inertial/imu_buffer.h"
 #include "cocalib/sim/imu.h"
 #include "cocalib/sim/trajectory.h"
 #include "numeric_jacobian.h"
