@@ -115,7 +115,8 @@ def main():
     arguments = parser.parse_args()
     calibration, truth = load(arguments.calibration), load(arguments.truth)
 
-    print(f"status: {calibration.get('status')}, from {calibration.get('duration')} s of data\n")
+    print(f"status: {calibration.get('status')}, from {float(calibration.get('duration') or 0.0):.1f} s of data")
+    print("An error of rotation is that of the whole rotation, about the axes of the parent frame: not a difference of columns.\n")
     good = True
     try:
         for part in ("camera", "lidar", "lidar_camera"):
