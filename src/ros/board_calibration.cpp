@@ -72,13 +72,13 @@ class BoardBag {
     std::vector<BoardView> views;
     const auto pairs = pairStamps();
     for (std::size_t i = 0; i < pairs.size(); ++i) {
-      const std::optional<Pose> T_C_B = boardPose(pairs[i].first);
-      std::vector<LidarPlate> plates = findPlates(pairs[i].second);
       ++result.images;
-      ++result.clouds;
-      result.images_with_board += T_C_B ? 1 : 0;
-      result.clouds_with_plate += plates.empty() ? 0 : 1;
-      if (T_C_B) views.push_back({*T_C_B, std::move(plates)});
+      if (const std::optional<Pose> T_C_B = boardPose(pairs[i].first)) {
+        views.push_back({*T_C_B, findPlates(pairs[i].second)});
+        ++result.images_with_board;
+        ++result.clouds;
+        result.clouds_with_plate += views.back().plates.empty() ? 0 : 1;
+      }
       if (progress) progress(static_cast<int>(i) + 1, static_cast<int>(pairs.size()));
     }
     if (pairs.empty()) {

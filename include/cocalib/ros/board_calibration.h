@@ -12,7 +12,7 @@ namespace cocalib {
 /// What a recording of boards at rest gives.
 struct BoardCalibration {
   int images = 0, images_with_board = 0;  ///< pictures looked at, and those in which the chessboard was found
-  int clouds = 0, clouds_with_plate = 0;  ///< sweeps looked at, and those with at least one patch of the plate's size
+  int clouds = 0, clouds_with_plate = 0;  ///< sweeps of these pictures, and those with a patch of the plate's size
   std::optional<LidarCameraStart> start;  ///< nothing: not determined
   std::string reason;                     ///< then: what is missing
 };
