@@ -192,7 +192,7 @@ std::optional<Arguments> parse(int argc, char** argv) {
   description.add_options()("help,h", "show this")("scenario", options::value(&arguments.scenario)->required(),
                                                    "scenario file, see cfg/scenarios/")(
       "bag", options::value(&arguments.bag)->required(), "bag to write; OUT.truth.yaml and OUT.rig.yaml go beside it")(
-      "seed", options::value<std::uint64_t>(), "other noise and another motion (default: the scenario's)")(
+      "seed", options::value<std::int64_t>(), "other noise and another motion (default: the scenario's)")(
       "duration", options::value<double>(), "seconds (default: the scenario's)");
   options::variables_map values;
   options::store(options::parse_command_line(argc, argv, description), values);
@@ -205,7 +205,11 @@ std::optional<Arguments> parse(int argc, char** argv) {
   if (bag.size() < 5 || bag.compare(bag.size() - 4, 4, ".bag") != 0) {
     throw options::error("--bag " + bag + ": must end in .bag");
   }
-  if (values.count("seed") != 0) arguments.seed = values["seed"].as<std::uint64_t>();
+  if (values.count("seed") != 0) {
+    const std::int64_t seed = values["seed"].as<std::int64_t>();
+    if (seed < 0) throw options::error("--seed " + std::to_string(seed) + ": must be 0 or more");
+    arguments.seed = static_cast<std::uint64_t>(seed);
+  }
   if (values.count("duration") != 0) arguments.duration_s = values["duration"].as<double>();
   return arguments;
 }
