@@ -18,7 +18,6 @@ constexpr int kFirstIterations = 6;
 constexpr int kIterations = 3;
 constexpr int kFinalRounds = 3;
 constexpr int kFinalIterations = 10;
-constexpr double kMinCornerSigma_px = 0.02;
 
 InertialWindow::Params windowParams(const FuserParams& params, const ImuNoise& noise, const FuserInputs& inputs) {
   InertialWindow::Params window;
@@ -232,7 +231,11 @@ void CoCalibrationFuser::Impl::extend(TimeNs until) {
 void CoCalibrationFuser::Impl::solveRound(bool rebuild, double slack_m, int iterations) {
   window.relink(rebuild, slack_m);
   const InertialWindow::Summary summary = window.optimize(iterations);
-  if (summary.failed) ++diagnostics.counts["failed solves"];
+  if (summary.failed) {
+    ++diagnostics.counts["failed solves"];
+  } else {
+    window.learnNoise();
+  }
 }
 
 bool CoCalibrationFuser::solve() {

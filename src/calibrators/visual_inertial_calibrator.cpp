@@ -226,6 +226,7 @@ void VisualInertialCalibrator::Impl::startWindow(const Alignment& alignment) {
   for (int round = 0; round < kStartRounds; ++round) {
     window.relink(false, 0.0);
     window.optimize(kStartIterations);
+    window.learnNoise();
   }
   started = true;
   last_solve = window.state().nodes.back().stamp;

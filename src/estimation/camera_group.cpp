@@ -18,7 +18,7 @@ struct CameraGroup::Sums {
   std::vector<Vector6d> b;
   std::vector<std::map<int, Matrix6d>> pairs;  // [i][j], i < j
   double cost = 0.0;
-  double corner_square_px = 0.0, track_square_px = 0.0;
+  double corner_square_px = 0.0, track_square_px = 0.0;  // mean over both axes
   std::size_t corners = 0, track_observations = 0;
 };
 
@@ -125,12 +125,17 @@ void CameraGroup::addBoard(const WindowState& state, int frame, Sums* sums, Chai
     H_BB.noalias() += wJ_B * J_B;
     b_B.noalias() += wJ_B * f_px->r;
     sums->cost += robust.cost;
-    sums->corner_square_px += f_px->r.squaredNorm() * params_.corner_sigma_px * params_.corner_sigma_px;
+    sums->corner_square_px += 0.5 * f_px->r.squaredNorm() * params_.corner_sigma_px * params_.corner_sigma_px;
     ++sums->corners;
   }
   scatterPoseGlobal(poses_[f], frames_[f].node, GlobalLayout::kCamera, H_cB, kB, system);
   system->H_global.block<6, 6>(kB, kB) += H_BB;
   system->b_global.segment<6>(kB) += b_B;
+}
+
+void CameraGroup::learnCornerSigma() {
+  constexpr double kMinSigma_px = 0.04, kMaxSigma_px = 2.0;
+  if (corner_rms_px_ > 0.0) params_.corner_sigma_px = std::clamp(corner_rms_px_, kMinSigma_px, kMaxSigma_px);
 }
 
 void CameraGroup::dropFront(int end_node) {
@@ -232,7 +237,7 @@ void CameraGroup::addLandmark(Landmark* landmark, Sums* sums) const {
     l.W.emplace_back(o.frame, robust.weight * r->J_pose.transpose() * J);
     own.emplace_back(robust.weight * r->J_pose.transpose() * r->J_pose, robust.weight * r->J_pose.transpose() * r->r);
     cost += robust.cost;
-    sums->track_square_px += r->r.squaredNorm() * params_.track_sigma_px * params_.track_sigma_px;
+    sums->track_square_px += 0.5 * r->r.squaredNorm() * params_.track_sigma_px * params_.track_sigma_px;
   }
   const Eigen::LLT<Eigen::Matrix3d> llt(V);
   if (l.W.size() < 2 || llt.info() != Eigen::Success) return;

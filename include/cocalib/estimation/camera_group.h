@@ -47,7 +47,11 @@ class CameraGroup {
   /// Forgets everything that accumulate(.., end_node, ..) used, and renumbers the nodes.
   void dropFront(int end_node);
 
-  /// RMS reprojection error of corners and tracks at the last accumulate() [px].
+  /// Replaces the assumed noise of a corner by the RMS found: noise is measured, not believed. Bounded below, because errors
+  /// of the lens model, which are common to a whole view, do not average out as noise does.
+  void learnCornerSigma();
+
+  /// RMS reprojection error of corners and tracks at the last accumulate(), per axis [px].
   double cornerRms() const { return corner_rms_px_; }
   double trackRms() const { return track_rms_px_; }
   /// First frame with a board, with the pose of its camera: a start for the board landmark.

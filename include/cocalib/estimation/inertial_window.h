@@ -64,6 +64,11 @@ class InertialWindow {
   /// @param slack_m         uncertainty of the current poses, for the gates
   void relink(bool rebuild_planes, double slack_m);
 
+  /// Sets the corners' noise to what their residuals show; call it after optimize() and before marginalizing.
+  void learnNoise() {
+    if (camera_ && camera_->sawBoard()) camera_->learnCornerSigma();
+  }
+
   struct Summary {
     int iterations = 0;
     double first_cost = 0.0, last_cost = 0.0;
