@@ -13,10 +13,11 @@ namespace {
 
 const cv::Size kWindow(15, 15);
 constexpr int kPyramidLevels = 3;
-constexpr int kPredictedLevels = 2;      // a gyro's prediction is off by parallax only
-constexpr int kBackwardLevels = 1;       // starts where it should end
-constexpr double kMinEigenvalue = 1e-4;  // of the tracker's gradient matrix: texture lost
-constexpr double kBorderPx = 8.0;        // half a window
+constexpr int kPredictedLevels = 2;       // a prediction by rotation is off by parallax only
+constexpr std::size_t kGuessTracks = 50;  // tell the rotation where no gyro does
+constexpr int kBackwardLevels = 1;        // starts where it should end
+constexpr double kMinEigenvalue = 1e-4;   // of the tracker's gradient matrix: texture lost
+constexpr double kBorderPx = 8.0;         // half a window
 constexpr std::size_t kMinEpipolarPairs = 12;
 constexpr double kRotationRansacPx = 8.0;  // tolerates parallax
 constexpr double kMinInlierShare = 0.6;    // below, the start of the refinement was wrong
@@ -71,6 +72,7 @@ FeatureTracker::FeatureTracker(const CameraModel& camera, const Params& params) 
 void FeatureTracker::reset() {
   tracks_.clear();
   pyramid_.clear();
+  rotation_ = Eigen::Quaterniond::Identity();
 }
 
 std::vector<TrackObservation> FeatureTracker::track(const ImageFrame& image,
@@ -83,7 +85,10 @@ std::vector<TrackObservation> FeatureTracker::track(const ImageFrame& image,
   std::vector<cv::Mat> pyramid;
   cv::buildOpticalFlowPyramid(image.gray, pyramid, kWindow, kPyramidLevels, true, cv::BORDER_REFLECT_101,
                               cv::BORDER_CONSTANT, false);  // own copy: the caller may reuse the picture's memory
-  tracks_ = tracks_.empty() ? std::vector<Track>() : follow(pyramid, R_Cnow_Cprev);
+  if (!tracks_.empty()) {
+    rotation_ = R_Cnow_Cprev ? *R_Cnow_Cprev : guessRotation(pyramid);
+    tracks_ = follow(pyramid, R_Cnow_Cprev.has_value());
+  }
   topUp(image.gray, mask_px);
   pyramid_ = std::move(pyramid);
   std::vector<TrackObservation> observations;
@@ -92,26 +97,46 @@ std::vector<TrackObservation> FeatureTracker::track(const ImageFrame& image,
   return observations;
 }
 
-std::vector<cv::Point2f> FeatureTracker::predict(const std::optional<Eigen::Quaterniond>& R_Cnow_Cprev) const {
+std::vector<cv::Point2f> FeatureTracker::predict(const std::vector<Track>& tracks) const {
   std::vector<cv::Point2f> predicted;
-  for (const Track& track : tracks_) {
+  for (const Track& track : tracks) {
     predicted.push_back(track.px);
-    if (!R_Cnow_Cprev) continue;
-    const auto px = camera_.project(*R_Cnow_Cprev * track.bearing);
+    const auto px = camera_.project(rotation_ * track.bearing);
     if (px && camera_.inImage(*px)) predicted.back() = cv::Point2f(px->cast<float>().x(), px->cast<float>().y());
   }
   return predicted;
 }
 
+Eigen::Quaterniond FeatureTracker::guessRotation(const std::vector<cv::Mat>& pyramid) const {
+  std::vector<Track> some;
+  const std::size_t stride = (tracks_.size() + kGuessTracks - 1) / kGuessTracks;
+  for (std::size_t i = 0; i < tracks_.size(); i += stride) some.push_back(tracks_[i]);
+  std::vector<cv::Point2f> before, now = predict(some);
+  for (const Track& track : some) before.push_back(track.px);
+  std::vector<std::uint8_t> found;
+  cv::calcOpticalFlowPyrLK(pyramid_, pyramid, before, now, found, cv::noArray(), kWindow, kPyramidLevels,
+                           iterations(10, 0.1), cv::OPTFLOW_USE_INITIAL_FLOW, kMinEigenvalue);
+  BearingPairs pairs;
+  for (std::size_t i = 0; i < some.size(); ++i) {
+    const Eigen::Vector2d px(now[i].x, now[i].y);
+    if (!found[i] || !camera_.inImage(px)) continue;
+    const auto bearing = camera_.unproject(px);
+    if (!bearing) continue;
+    pairs.a.push_back(some[i].bearing);
+    pairs.b.push_back(*bearing);
+  }
+  if (pairs.size() < kMinEpipolarPairs) return rotation_;
+  return robustRotation(pairs, kRotationRansacPx / camera_.focalPx()).value_or(rotation_);
+}
+
 std::vector<FeatureTracker::Track> FeatureTracker::follow(const std::vector<cv::Mat>& pyramid,
-                                                          const std::optional<Eigen::Quaterniond>& R_Cnow_Cprev) const {
-  std::vector<cv::Point2f> before, now = predict(R_Cnow_Cprev);
+                                                          bool rotation_known) const {
+  std::vector<cv::Point2f> before, now = predict(tracks_);
   for (const Track& track : tracks_) before.push_back(track.px);
   std::vector<cv::Point2f> back = before;
   std::vector<std::uint8_t> found, found_back;
-  const int levels = R_Cnow_Cprev ? kPredictedLevels : kPyramidLevels;
-  cv::calcOpticalFlowPyrLK(pyramid_, pyramid, before, now, found, cv::noArray(), kWindow, levels, iterations(20, 0.01),
-                           cv::OPTFLOW_USE_INITIAL_FLOW, kMinEigenvalue);
+  cv::calcOpticalFlowPyrLK(pyramid_, pyramid, before, now, found, cv::noArray(), kWindow, kPredictedLevels,
+                           iterations(20, 0.01), cv::OPTFLOW_USE_INITIAL_FLOW, kMinEigenvalue);
   cv::calcOpticalFlowPyrLK(pyramid, pyramid_, now, back, found_back, cv::noArray(), kWindow, kBackwardLevels,
                            iterations(10, 0.02), cv::OPTFLOW_USE_INITIAL_FLOW, kMinEigenvalue);
   std::vector<Track> tracks;
@@ -128,7 +153,9 @@ std::vector<FeatureTracker::Track> FeatureTracker::follow(const std::vector<cv::
     pairs.b.push_back(*bearing);
   }
   const double px_rad = 1.0 / camera_.focalPx();
-  const std::vector<bool> inliers = epipolarInliers(pairs, R_Cnow_Cprev, params_.ransac_px * px_rad, px_rad);
+  const std::vector<bool> inliers =
+      epipolarInliers(pairs, rotation_known ? std::optional<Eigen::Quaterniond>(rotation_) : std::nullopt,
+                      params_.ransac_px * px_rad, px_rad);
   std::vector<Track> kept;
   for (std::size_t i = 0; i < tracks.size(); ++i) {
     if (inliers[i]) kept.push_back(tracks[i]);

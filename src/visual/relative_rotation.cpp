@@ -11,6 +11,7 @@ constexpr std::size_t kMinCommonTracks = 15;
 constexpr double kInlierPx = 1.5;
 constexpr double kLossPx = 0.7;            // scale of the Cauchy loss: a good track's error
 constexpr double kRotationRansacPx = 6.0;  // tolerates the parallax of a hand-held move
+constexpr double kConflictCost = 1.0;      // of a point behind the cameras, as much as an error of 1.3 times the scale
 constexpr double kNoParallaxPx = 0.35;     // median, under which a rotation alone explains the pictures
 
 /// Bearings of the tracks that both pictures hold; both lists may be in any order of ids.
@@ -42,6 +43,21 @@ std::vector<double> rotationErrors(const BearingPairs& pairs, const Eigen::Quate
   return errors;
 }
 
+/// Nearly plane scenes have two solutions: enough starts to find both.
+std::vector<TwoViewMotion> motionStarts(const BearingPairs& pairs, const std::optional<Eigen::Quaterniond>& R_alone,
+                                        double px_rad) {
+  std::vector<TwoViewMotion> starts;
+  if (R_alone) {
+    for (const double threshold_px : {kRotationRansacPx, kInlierPx}) {
+      const auto start = robustTranslation(pairs, *R_alone, threshold_px * px_rad);
+      if (start) starts.push_back(*start);
+    }
+    for (int axis = 0; axis < 3; ++axis) starts.push_back({*R_alone, Eigen::Vector3d::Unit(axis)});
+  }
+  if (const auto start = essentialMotion(pairs, kInlierPx * px_rad)) starts.push_back(*start);
+  return starts;
+}
+
 }  // namespace
 
 std::optional<RelativeRotation> relativeRotation(const std::vector<TrackObservation>& a,
@@ -60,16 +76,13 @@ std::optional<RelativeRotation> relativeRotation(const std::vector<TrackObservat
       return RelativeRotation{*R_alone, static_cast<int>(inliers)};
     }
   }
-  std::vector<TwoViewMotion> starts;
-  if (R_alone) {
-    if (const auto start = robustTranslation(pairs, *R_alone, kRotationRansacPx * px)) starts.push_back(*start);
-  }
-  if (const auto start = essentialMotion(pairs, kInlierPx * px)) starts.push_back(*start);
+  const std::vector<TwoViewMotion> starts = motionStarts(pairs, R_alone, px);
   std::optional<TwoViewMotion> best;
   double best_cost = 0.0;
   for (const TwoViewMotion& start : starts) {
     double cost = 0.0;
     const TwoViewMotion motion = refineMotion(pairs, start, kLossPx * px, &cost);
+    cost += kConflictCost * depthConflicts(pairs, motion);
     if (best && cost >= best_cost) continue;
     best = motion;
     best_cost = cost;

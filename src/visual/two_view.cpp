@@ -183,6 +183,15 @@ TwoViewMotion refineMotion(const BearingPairs& pairs, const TwoViewMotion& start
   return motion;
 }
 
+int depthConflicts(const BearingPairs& pairs, const TwoViewMotion& motion) {
+  int forward = 0;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const Eigen::Vector3d q = motion.R_b_a * pairs.a[i];
+    forward += q.cross(pairs.b[i]).dot(q.cross(motion.t_b_a)) > 0.0;
+  }
+  return std::min(forward, static_cast<int>(pairs.size()) - forward);
+}
+
 std::optional<TwoViewMotion> essentialMotion(const BearingPairs& pairs, double threshold_rad) {
   std::vector<cv::Point2d> a, b;
   for (std::size_t i = 0; i < pairs.size(); ++i) {

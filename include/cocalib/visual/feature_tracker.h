@@ -42,16 +42,19 @@ class FeatureTracker {
     Eigen::Vector3d bearing;  // unit, in the camera frame
   };
 
-  std::vector<cv::Point2f> predict(const std::optional<Eigen::Quaterniond>& R_Cnow_Cprev) const;
-  std::vector<Track> follow(const std::vector<cv::Mat>& pyramid,
-                            const std::optional<Eigen::Quaterniond>& R_Cnow_Cprev) const;
+  /// Where the tracks should be now, by rotation_.
+  std::vector<cv::Point2f> predict(const std::vector<Track>& tracks) const;
+  /// Rotation since the previous picture from some of the tracks, starting from the last one.
+  Eigen::Quaterniond guessRotation(const std::vector<cv::Mat>& pyramid) const;
+  std::vector<Track> follow(const std::vector<cv::Mat>& pyramid, bool rotation_known) const;
   void topUp(const cv::Mat& gray, const std::vector<Eigen::Vector2f>& mask_px);
   void topUpCell(const cv::Mat& gray, const cv::Rect& cell, std::size_t wanted, const std::vector<cv::Point2f>& mask);
 
   CameraModel camera_;
   Params params_;
-  std::vector<Track> tracks_;     // in the previous picture
-  std::vector<cv::Mat> pyramid_;  // of the previous picture
+  std::vector<Track> tracks_;                                     // in the previous picture
+  std::vector<cv::Mat> pyramid_;                                  // of the previous picture
+  Eigen::Quaterniond rotation_ = Eigen::Quaterniond::Identity();  // R_Cnow_Cprev, given or guessed
   std::uint32_t next_id_ = 0;
   int next_cell_ = 0;  // where topUp() goes on
 };

@@ -38,6 +38,10 @@ std::optional<TwoViewMotion> robustTranslation(const BearingPairs& pairs, const 
 TwoViewMotion refineMotion(const BearingPairs& pairs, const TwoViewMotion& start, double scale_rad,
                            double* cost = nullptr);
 
+/// Pairs whose parallax runs against that of the majority: their points would lie behind the cameras. Tells the true
+/// motion from its twin where the points lie nearly on one plane.
+int depthConflicts(const BearingPairs& pairs, const TwoViewMotion& motion);
+
 /// Motion by the five-point method (cv::findEssentialMat, RANSAC with OpenCV's fixed seed); pairs beyond 84 deg from
 /// either optical axis do not take part.
 std::optional<TwoViewMotion> essentialMotion(const BearingPairs& pairs, double threshold_rad);
