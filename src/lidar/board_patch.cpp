@@ -17,6 +17,7 @@ constexpr std::size_t kSearchPoints = 150;  // of each kind, for the search
 constexpr int kMinMembers = 20;
 constexpr int kMinRows = 2;              // rings on the plate
 constexpr int kMinRowsUnpredicted = 3;   // fewer fit anything
+constexpr double kMinPart = 0.5;         // of either side, in the field of view
 constexpr double kSizeTolerance = 0.12;  // of a side's length
 constexpr double kRim_m = 0.02;          // beams this near the outline do not count for or against
 constexpr double kBand_m = 0.12;         // width of the surround that must be empty
@@ -137,10 +138,22 @@ Rectangle placeRectangle(const Evidence& evidence, const Rectangle& start, bool 
       ->second;
 }
 
-/// The rectangle with its size free too.
+/// The rectangle with its size free too. One pair of points at each side of the known size holds a side about which no
+/// beam says anything (nothing behind the plate answers); any real evidence outweighs it.
 Rectangle fitSize(const Patch& patch) {
   Rectangle rectangle = patch.rectangle;
-  const Evidence evidence = nearOutline(evidenceOf(patch.rows), rectangle);
+  Evidence evidence = evidenceOf(patch.rows);
+  addMissing(patch.rows, rectangle, azimuthStep(patch.rows), &evidence);
+  evidence = nearOutline(evidence, rectangle);
+  const double c = std::cos(rectangle.angle_rad), s = std::sin(rectangle.angle_rad);
+  const Eigen::Vector2d sides[2] = {{c, s}, {-s, c}};
+  for (int axis = 0; axis < 2; ++axis) {
+    for (const double sign : {-1.0, 1.0}) {
+      const Eigen::Vector2d edge = rectangle.centre + sign * rectangle.half_m[axis] * sides[axis];
+      evidence.on.push_back(edge - sign * kFineScale_m * sides[axis]);
+      evidence.off.push_back(edge + sign * kFineScale_m * sides[axis]);
+    }
+  }
   fitRectangle(evidence.on, evidence.off, true, kFineScale_m, &rectangle);
   return rectangle;
 }
@@ -205,6 +218,7 @@ struct Sampling {
   int rows = 0;                                                       ///< with at least 3 returns from the plate
   Eigen::Vector2d spacing_m = Eigen::Vector2d::Zero();                ///< of beams along the rectangle's sides
   Eigen::Vector2d low = Eigen::Vector2d::Constant(1e9), high = -low;  ///< of the returns along the sides
+  Eigen::Vector2d beams_low = low, beams_high = high;  ///< of all beams within the rectangle, whatever they met
 };
 
 Sampling samplingOf(const Patch& patch) {
@@ -214,7 +228,10 @@ Sampling samplingOf(const Patch& patch) {
     int count = 0;
     Eigen::Vector2d first = Eigen::Vector2d::Zero(), last = first;
     for (const Beam& beam : row.beams) {
-      if (beam.verdict != Verdict::kOn || patch.rectangle.signedDistance(beam.hit) > kRim_m) continue;
+      if (patch.rectangle.signedDistance(beam.hit) > kRim_m) continue;
+      sampling.beams_low = sampling.beams_low.cwiseMin(patch.rectangle.local(beam.hit));
+      sampling.beams_high = sampling.beams_high.cwiseMax(patch.rectangle.local(beam.hit));
+      if (beam.verdict != Verdict::kOn) continue;
       last = patch.rectangle.local(beam.hit);
       sampling.low = sampling.low.cwiseMin(last);
       sampling.high = sampling.high.cwiseMax(last);
@@ -230,15 +247,20 @@ Sampling samplingOf(const Patch& patch) {
 }
 
 /// Whether the returns reach all sides, and the plate is as large as it should be, as far as the beams' spacing tells.
-bool hasPlateSize(const Patch& patch, int min_rows) {
+/// @param may_be_cut  a part of the plate, and not too small a one, does where the sensor's field of view ends
+bool hasPlateSize(const Patch& patch, int min_rows, bool may_be_cut) {
   const Sampling sampling = samplingOf(patch);
   const bool ringless = patch.rows.size() == 1 && patch.rows.front().ring < 0;
   if (!ringless && sampling.rows < min_rows) return false;
   const Eigen::Vector2d size = 2.0 * patch.rectangle.half_m;
   const Eigen::Vector2d reached = sampling.high - sampling.low;
+  Eigen::Vector2d reachable = size;
+  if (may_be_cut) {
+    reachable = (sampling.beams_high - sampling.beams_low).cwiseMax(kMinPart * size).cwiseMin(size);
+  }
   const Eigen::Vector2d measured = 2.0 * fitSize(patch).half_m;
   for (int axis = 0; axis < 2; ++axis) {
-    if (reached[axis] < (1.0 - kSizeTolerance) * size[axis] - 2.0 * sampling.spacing_m[axis]) return false;
+    if (reached[axis] < (1.0 - kSizeTolerance) * reachable[axis] - 2.0 * sampling.spacing_m[axis]) return false;
     if (std::abs(measured[axis] - size[axis]) > kSizeTolerance * size[axis] + sampling.spacing_m[axis]) return false;
   }
   return true;
@@ -281,7 +303,7 @@ std::optional<Patch> fitPatch(const Sweep& sweep, const Plane& plane, const std:
            centre;
   }
   const auto misfit = judgeFit(*patch);
-  if (!misfit || !hasPlateSize(*patch, any_roll ? kMinRowsUnpredicted : kMinRows)) return std::nullopt;
+  if (!misfit || !hasPlateSize(*patch, any_roll ? kMinRowsUnpredicted : kMinRows, !any_roll)) return std::nullopt;
   patch->misfit = *misfit;
   patch->members = support;
   patch->frame.plane = fitted;
