@@ -50,7 +50,7 @@ void append(std::vector<Keyframe> more, std::vector<Keyframe>* all) {
 struct BagCalibration::Impl {
   Impl(const RigConfig& r, BagInput* in, Listener l)
       : rig(r), input(*in), listener(std::move(l)), camera_model(in->cameraModel()), fuser(rig, camera_model),
-        scenes(rig), next(input.view().begin()) {
+        scenes(rig, SceneCollector::Keep::kSpread), next(input.view().begin()) {
     if (camera_model) camera.emplace(rig, *camera_model);
     if (rig.lidar) lidar.emplace(rig);
   }

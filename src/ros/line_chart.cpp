@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kBandOpacity = 0.18;
 constexpr int kFont = cv::FONT_HERSHEY_SIMPLEX;
-constexpr double kFontScale = 0.42;
+constexpr double kFontScale = 0.4;
 const cv::Scalar kInk(60, 60, 60), kGrid(225, 225, 225);
 const std::array<cv::Scalar, 3> kColours = {cv::Scalar(40, 40, 210), cv::Scalar(40, 140, 30), cv::Scalar(210, 90, 30)};
 
@@ -55,9 +55,10 @@ Axes fitAxes(const std::vector<Curve>& curves, const cv::Rect& area) {
   return axes;
 }
 
-std::string format(double value) {
+/// @param digits  significant ones
+std::string format(double value, int digits) {
   char text[32];
-  std::snprintf(text, sizeof(text), "%.3g", value);
+  std::snprintf(text, sizeof(text), "%.*g", digits, value);
   return text;
 }
 
@@ -69,7 +70,7 @@ void drawFrame(const std::string& title, const Axes& axes, cv::Mat* panel) {
   for (const double part : {-1.0, -0.5, 0.0, 0.5, 1.0}) {
     const cv::Point left = axes.at(0.0, part * axes.y_max);
     cv::line(*panel, left, {left.x + axes.area.width, left.y}, part == 0.0 ? cv::Scalar::all(150) : kGrid);
-    const std::string label = format(part * axes.y_max);
+    const std::string label = format(part * axes.y_max, 3);
     const int width = cv::getTextSize(label, kFont, kFontScale, 1, nullptr).width;
     write(label, {axes.area.x - width - 4, left.y + 4}, kInk, panel);
   }
@@ -108,7 +109,7 @@ void drawCurve(const Curve& curve, const Axes& axes, const cv::Scalar& colour, c
 }  // namespace
 
 void drawChart(const std::string& title, const std::vector<Curve>& curves, cv::Mat* panel) {
-  const cv::Rect area(52, 24, panel->cols - 52 - 14, panel->rows - 24 - 24);
+  const cv::Rect area(58, 24, panel->cols - 58 - 14, panel->rows - 24 - 24);
   const Axes axes = fitAxes(curves, area);
   cv::Mat inside = *panel;
   drawFrame(title, axes, panel);
@@ -122,7 +123,7 @@ void drawChart(const std::string& title, const std::vector<Curve>& curves, cv::M
   int right = panel->cols - 14;
   for (std::size_t i = curves.size(); i-- > 0;) {
     if (curves[i].points.empty()) continue;
-    const std::string text = curves[i].name + " +-" + format(curves[i].points.back().sigma);
+    const std::string text = curves[i].name + " +-" + format(curves[i].points.back().sigma, 2);
     right -= cv::getTextSize(text, kFont, kFontScale, 1, nullptr).width + 8;
     write(text, {right, area.y - 7}, kColours[i % kColours.size()], panel);
   }

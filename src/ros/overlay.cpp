@@ -117,6 +117,21 @@ void drawPlate(const Pose& T_C_B, const BoardGeometry& board, const CameraModel&
   }
 }
 
+/// The board in the camera frame at the time of the picture.
+std::optional<Pose> boardInCamera(const OverlayScene& scene, const OverlayCalibration& with) {
+  if (!with.T_W_B || !scene.state) return std::nullopt;
+  const MotionAroundPicture motion(scene, with.calibration);
+  const Pose T_state_B = scene.state->T_W_I.inverse() * *with.T_W_B;
+  return with.calibration.T_imu_camera.inverse() * motion.T_image_at(scene.state->stamp) * T_state_B;
+}
+
+bool isOnPlate(const Eigen::Vector3d& p_B, const BoardGeometry& board) {
+  constexpr double kThicknessM = 0.1;  // of range noise
+  const std::array<Eigen::Vector3d, 4> corners = plateCorners(board);
+  return std::abs(p_B.z()) < kThicknessM && p_B.x() > corners[0].x() && p_B.x() < corners[2].x() &&
+         p_B.y() > corners[0].y() && p_B.y() < corners[2].y();
+}
+
 cv::Mat drawLegend(int width, const std::string& caption) {
   constexpr int kBarWidth = 160;
   cv::Mat legend(kLegendHeight, width, CV_8UC3, cv::Scalar::all(30));
@@ -148,13 +163,17 @@ std::vector<Eigen::Vector3d> pointsInCamera(const OverlayScene& scene, const Cal
   return points_C;
 }
 
-int countVisible(const OverlayScene& scene, const Calibration& calibration, const CameraModel& camera) {
-  int visible = 0;
-  for (const Eigen::Vector3d& p_C : pointsInCamera(scene, calibration)) {
+OverlayCounts countOverlay(const OverlayScene& scene, const OverlayCalibration& with, const CameraModel& camera,
+                           const std::optional<BoardGeometry>& board) {
+  OverlayCounts counts;
+  const std::optional<Pose> T_C_B = boardInCamera(scene, with);
+  for (const Eigen::Vector3d& p_C : pointsInCamera(scene, with.calibration)) {
     const std::optional<Eigen::Vector2d> px = camera.project(p_C);
-    if (px && camera.inImage(*px)) ++visible;
+    if (!px || !camera.inImage(*px)) continue;
+    ++counts.visible;
+    if (board && T_C_B && isOnPlate(T_C_B->inverse() * p_C, *board)) ++counts.on_board;
   }
-  return visible;
+  return counts;
 }
 
 cv::Mat drawOverlay(const OverlayScene& scene, const OverlayCalibration& with, const CameraModel& camera,
@@ -167,12 +186,8 @@ cv::Mat drawOverlay(const OverlayScene& scene, const OverlayCalibration& with, c
     if (!px || !camera.inImage(*px)) continue;
     cv::circle(picture, toPixel(*px), radius, rangeColour(p_C.norm()), cv::FILLED, cv::LINE_AA);
   }
-  if (board && with.T_W_B && scene.state) {
-    const MotionAroundPicture motion(scene, with.calibration);
-    const Pose T_state_B = scene.state->T_W_I.inverse() * *with.T_W_B;
-    const Pose T_C_B = with.calibration.T_imu_camera.inverse() * motion.T_image_at(scene.state->stamp) * T_state_B;
-    drawPlate(T_C_B, *board, camera, &picture);
-  }
+  const std::optional<Pose> T_C_B = boardInCamera(scene, with);
+  if (board && T_C_B) drawPlate(*T_C_B, *board, camera, &picture);
   cv::Mat whole;
   cv::vconcat(drawLegend(picture.cols, with.caption), picture, whole);
   return whole;

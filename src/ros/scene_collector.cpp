@@ -12,18 +12,21 @@
 namespace cocalib {
 namespace {
 
-constexpr std::size_t kMostCandidates = 12;
+constexpr std::size_t kMostSpread = 12, kMostNewest = 3;
+constexpr TimeNs kSpreadPeriodNs = 1'000'000'000, kNewestPeriodNs = 450'000'000;
 constexpr TimeNs kImuAroundNs = 400'000'000;   // covers a sweep that begins a sweep before the picture, and offsets
 constexpr TimeNs kPairNs = 150'000'000;        // picture and sweep belong together up to here
 constexpr TimeNs kStateNs = 100'000'000;       // a state this near gives velocity and biases
 
 }  // namespace
 
+SceneCollector::SceneCollector(const RigConfig& rig, Keep keep) : rig_(rig), keep_(keep) { clear(); }
+
 void SceneCollector::clear() {
   recent_imu_.clear();
   recent_clouds_.clear();
   candidates_.clear();
-  period_ns_ = 1'000'000'000;
+  period_ns_ = keep_ == Keep::kSpread ? kSpreadPeriodNs : kNewestPeriodNs;
 }
 
 void SceneCollector::addImu(const sensor_msgs::Imu& msg) {
@@ -66,13 +69,18 @@ void SceneCollector::startCandidate(Candidate candidate) {
   if (std::abs(candidate.stamp - sweep) > kPairNs) return;
   candidate.cloud = recent_clouds_.back();
   candidate.imu.assign(recent_imu_.begin(), recent_imu_.end());
-  if (candidates_.size() == kMostCandidates) thinOut();
+  makeRoom();
   candidates_.push_back(std::move(candidate));
 }
 
-void SceneCollector::thinOut() {
-  for (std::size_t i = 0; i < kMostCandidates / 2; ++i) candidates_[i] = std::move(candidates_[2 * i]);
-  candidates_.resize(kMostCandidates / 2);
+void SceneCollector::makeRoom() {
+  if (keep_ == Keep::kNewest) {
+    if (candidates_.size() == kMostNewest) candidates_.erase(candidates_.begin());
+    return;
+  }
+  if (candidates_.size() < kMostSpread) return;
+  for (std::size_t i = 0; i < kMostSpread / 2; ++i) candidates_[i] = std::move(candidates_[2 * i]);
+  candidates_.resize(kMostSpread / 2);
   period_ns_ *= 2;
 }
 
@@ -101,13 +109,9 @@ std::optional<OverlayScene> SceneCollector::best(const Calibration& calibration,
   for (const Candidate& candidate : candidates_) {
     std::optional<OverlayScene> scene = decode(candidate);
     if (!scene || scene->image.gray.cols != camera.width() || scene->image.gray.rows != camera.height()) continue;
-    int score = countVisible(*scene, calibration, camera);
-    if (T_W_B && scene->state) {
-      const Pose T_C_B = (scene->state->T_W_I * calibration.T_imu_camera).inverse() * *T_W_B;
-      const std::optional<Eigen::Vector2d> px = camera.project(T_C_B.t);
-      // The board is what shows best whether the sensors agree.
-      if (px && camera.inImage(*px, 0.15 * camera.width())) score += 1'000'000;
-    }
+    // Points on the board show best whether the sensors agree.
+    const OverlayCounts counts = countOverlay(*scene, {calibration, T_W_B, ""}, camera, rig_.target);
+    const int score = counts.visible + 1000 * counts.on_board;
     if (score <= best_score) continue;
     best_score = score;
     best = std::move(scene);

@@ -28,7 +28,7 @@ void Worker::post(std::size_t lane, std::function<void()> job) {
       --target.waiting;
       ++target.dropped;
     }
-    jobs_.push_back({++last_ticket_, lane, std::move(job)});
+    jobs_.push_back({++last_ticket_, lane, std::move(job), std::chrono::steady_clock::now()});
     ++target.waiting;
   }
   changed_.notify_all();
@@ -65,6 +65,11 @@ std::uint64_t Worker::dropped(std::size_t lane) const {
   return lanes_.at(lane).dropped;
 }
 
+double Worker::takeWorstLatency() {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return std::chrono::duration<double>(std::exchange(worst_latency_, {})).count();
+}
+
 void Worker::runJobs() {
   std::unique_lock<std::mutex> lock(mutex_);
   while (true) {
@@ -79,6 +84,7 @@ void Worker::runJobs() {
     job.run = nullptr;  // what it holds (pictures, sweeps) goes now, outside the lock
     lock.lock();
     running_ticket_ = 0;
+    worst_latency_ = std::max(worst_latency_, std::chrono::steady_clock::now() - job.posted);
     changed_.notify_all();
   }
 }

@@ -31,8 +31,13 @@ struct OverlayCalibration {
 /// gyro's rotation and the state's velocity.
 std::vector<Eigen::Vector3d> pointsInCamera(const OverlayScene& scene, const Calibration& calibration);
 
-/// Number of points that fall into the picture.
-int countVisible(const OverlayScene& scene, const Calibration& calibration, const CameraModel& camera);
+/// How many points fall into the picture, and how many of these onto the board.
+struct OverlayCounts {
+  int visible = 0;
+  int on_board = 0;
+};
+OverlayCounts countOverlay(const OverlayScene& scene, const OverlayCalibration& with, const CameraModel& camera,
+                           const std::optional<BoardGeometry>& board);
 
 /// The picture with the sweep over it, near points red, far ones blue, and the outline of the board. BGR.
 cv::Mat drawOverlay(const OverlayScene& scene, const OverlayCalibration& with, const CameraModel& camera,

@@ -18,7 +18,9 @@ namespace cocalib {
 /// of a run can show the best of them. Messages are held as they came and decoded only when shown. Not thread-safe.
 class SceneCollector {
  public:
-  explicit SceneCollector(const RigConfig& rig) : rig_(rig) {}
+  /// kSpread: scenes spread over the whole run, ever farther apart. kNewest: the last few, for a live picture.
+  enum class Keep { kSpread, kNewest };
+  SceneCollector(const RigConfig& rig, Keep keep);
 
   void addImu(const sensor_msgs::Imu& msg);
   void addImage(const sensor_msgs::ImageConstPtr& msg);
@@ -45,11 +47,12 @@ class SceneCollector {
     std::optional<NavState> state;
   };
   void startCandidate(Candidate candidate);
-  void thinOut();
+  void makeRoom();
   std::optional<OverlayScene> decode(const Candidate& candidate) const;
 
   RigConfig rig_;
-  TimeNs period_ns_ = 1'000'000'000;
+  Keep keep_;
+  TimeNs period_ns_;
   std::deque<ImuSample> recent_imu_;
   std::deque<sensor_msgs::PointCloud2ConstPtr> recent_clouds_;
   std::vector<Candidate> candidates_;  // in order of time; the last one may still lack inertial data behind it

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <condition_variable>
 #include <cstddef>
 #include <cstdint>
@@ -35,12 +36,15 @@ class Worker {
 
   std::size_t waiting(std::size_t lane) const;
   std::uint64_t dropped(std::size_t lane) const;
+  /// Longest time from post() to the end of a job since the last call [s].
+  double takeWorstLatency();
 
  private:
   struct Job {
     std::uint64_t ticket;
     std::size_t lane;
     std::function<void()> run;
+    std::chrono::steady_clock::time_point posted;
   };
   struct Lane {
     std::size_t capacity = 0;
@@ -55,6 +59,7 @@ class Worker {
   std::deque<Job> jobs_;
   std::uint64_t last_ticket_ = 0;     // of the newest job; tickets grow along the queue
   std::uint64_t running_ticket_ = 0;  // 0: idle
+  std::chrono::steady_clock::duration worst_latency_{0};
   bool stopping_ = false;
   std::thread thread_;  // last: it uses all of the above
 };

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+
+#include <ros/node_handle.h>
+#include <ros/subscriber.h>
+#include <sensor_msgs/CameraInfo.h>
+
+#include "cocalib/io/rig_config.h"
+
+namespace cocalib {
+
+/// Brings the camera model of a rig, once: at once where the rig has no camera or names the model itself, else with the
+/// first camera_info that can be used. What it waits for, and why a camera_info is refused, goes to the log.
+class CameraModelSource {
+ public:
+  using Callback = std::function<void(const std::optional<CameraModel>&)>;
+
+  /// @param on_model  may be called from within the constructor
+  CameraModelSource(ros::NodeHandle nh, const RigConfig& rig, Callback on_model);
+
+ private:
+  void onInfo(const sensor_msgs::CameraInfo& msg);
+
+  std::string topic_;
+  Callback on_model_;
+  ros::Subscriber subscriber_;
+};
+
+/// Whether pictures on `topic` are CompressedImage: the master knows its type, or its name ends as compressed ones do.
+bool isCompressedTopic(const std::string& topic);
+
+}  // namespace cocalib

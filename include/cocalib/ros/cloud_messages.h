@@ -1,0 +1,20 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <sensor_msgs/PointCloud2.h>
+
+#include "cocalib/calibrators/lidar_inertial_calibrator.h"
+
+namespace cocalib {
+
+/// A deskewed sweep in the world frame: x, y, z (float32, m), plane (int16 number, -1: none) and calibration_version
+/// (uint32, the same for all points of a cloud). Points that are not finite are left out.
+sensor_msgs::PointCloud2Ptr toCloudMsg(const DeskewedCloud& cloud, const std::string& world_frame);
+
+/// Points only.
+sensor_msgs::PointCloud2Ptr toCloudMsg(const std::vector<Eigen::Vector3f>& points_W, TimeNs stamp,
+                                       const std::string& world_frame);
+
+}  // namespace cocalib

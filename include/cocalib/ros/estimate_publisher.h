@@ -1,0 +1,41 @@
+#pragma once
+
+#include <mutex>
+#include <optional>
+#include <string>
+
+#include <ros/node_handle.h>
+#include <ros/publisher.h>
+#include <tf2_ros/transform_broadcaster.h>
+
+#include "cocalib/measurements/measurements.h"
+#include "cocalib/ros/estimate_conversions.h"
+
+namespace cocalib {
+
+/// Publishes the joint estimate (`estimate`, latched) and what follows from it on tf: imu -> camera and imu -> lidar,
+/// stamped anew with the data so that listeners find them at every picture and sweep, and world -> imu. What is not
+/// known or not finite is not published. All functions may be called from any thread.
+class EstimatePublisher {
+ public:
+  EstimatePublisher(ros::NodeHandle nh, const FrameNames& frames);
+
+  void publish(const CalibrationEstimate& estimate, const CalibratorDiagnostics& diagnostics);
+  /// @param stamp  of the newest data
+  void broadcastMountings(TimeNs stamp);
+  void broadcastPose(const NavState& state);
+  /// Forgets the estimate: the clock was set back or a new calibration begins.
+  void reset();
+
+ private:
+  bool isNewer(TimeNs stamp, TimeNs* last) const;
+
+  FrameNames frames_;
+  ros::Publisher publisher_;
+  tf2_ros::TransformBroadcaster broadcaster_;
+  std::mutex mutex_;  // guards what follows
+  std::optional<Pose> T_imu_camera_, T_imu_lidar_;
+  TimeNs last_mounting_ = 0, last_pose_ = 0;
+};
+
+}  // namespace cocalib

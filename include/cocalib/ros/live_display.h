@@ -1,0 +1,55 @@
+#pragma once
+
+#include <mutex>
+#include <optional>
+#include <string>
+
+#include <ros/node_handle.h>
+#include <ros/publisher.h>
+
+#include "cocalib/ros/convergence_log.h"
+#include "cocalib/ros/estimate_conversions.h"
+#include "cocalib/ros/result_files.h"
+#include "cocalib/ros/scene_collector.h"
+#include "cocalib/ros/worker.h"
+
+namespace cocalib {
+
+/// What people watch while a calibration runs: `overlay`, `convergence` and `markers`. Draws on a thread of its own, and
+/// only what somebody listens to. Also keeps what the pictures of the result need. All functions may be called from any
+/// thread.
+class LiveDisplay {
+ public:
+  LiveDisplay(ros::NodeHandle nh, const RigConfig& rig, const FrameNames& frames);
+
+  /// @param camera  nothing for a rig without
+  void setCamera(const std::optional<CameraModel>& camera);
+  void addImu(const sensor_msgs::Imu& msg);
+  void addImage(const sensor_msgs::ImageConstPtr& msg);
+  void addImage(const sensor_msgs::CompressedImageConstPtr& msg);
+  void addCloud(const sensor_msgs::PointCloud2ConstPtr& msg);
+  void addState(const NavState& state);
+  void setEstimate(const CalibrationEstimate& estimate, const std::string& words, const std::optional<Pose>& T_W_B);
+  void reset();
+
+  /// Everything the result files need, with this estimate.
+  RunResult result(const CalibrationEstimate& estimate) const;
+
+ private:
+  void drawNewestOverlay();
+  void publishConvergence();
+
+  const RigConfig rig_;
+  const FrameNames frames_;
+  ros::Publisher overlay_publisher_, convergence_publisher_, marker_publisher_;
+  mutable std::mutex mutex_;  // guards what follows, up to worker_
+  std::optional<CameraModel> camera_;
+  SceneCollector newest_, spread_;
+  ConvergenceLog log_;
+  CalibrationEstimate estimate_;
+  std::optional<Pose> T_W_B_;
+  TimeNs last_drawn_ = 0;
+  Worker worker_;  // last: its jobs use all of the above
+};
+
+}  // namespace cocalib

@@ -1,0 +1,108 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <ros/node_handle.h>
+#include <ros/service_server.h>
+#include <ros/subscriber.h>
+#include <std_msgs/String.h>
+
+#include "cocalib/ros/diagnostics_publisher.h"
+#include "cocalib/ros/estimate_conversions.h"
+#include "cocalib/ros/keyframe_conversions.h"
+#include "cocalib/ros/messages.h"
+#include "cocalib/ros/nodelet_support.h"
+#include "cocalib/ros/worker.h"
+
+namespace cocalib {
+
+/// What the camera's and the lidar's nodelets have in common: a pipeline on a thread of its own, its keyframes, its
+/// estimate, the feedback of the joint calibration, start and stop. `Pipeline` is CameraPipeline or LidarPipeline.
+template <typename Pipeline, typename KeyframeMsg, SensorPart kPart>
+class SensorSession {
+ public:
+  /// @param data_queue  messages of the sensor that may wait
+  template <typename... PipelineArguments>
+  SensorSession(ros::NodeHandle private_nh, const RigConfig& rig, std::size_t data_queue,
+                const PipelineArguments&... arguments)
+      : frames_(frameNamesOf(rig)),
+        keyframe_publisher_(private_nh.advertise<KeyframeMsg>("keyframes", 200)),
+        estimate_publisher_(private_nh.advertise<ExtrinsicEstimate>("estimate", 10, true)),
+        diagnostics_(private_nh, private_nh, kPart == SensorPart::kCamera ? "cocalib camera" : "cocalib lidar"),
+        pipeline_(rig, arguments...),
+        worker_({20'000, data_queue, 100}) {}
+
+  void addImu(const sensor_msgs::ImuConstPtr& msg) {
+    worker_.post(kImu, [this, msg] {
+      if (active_) pipeline_.addImu(*msg);
+    });
+  }
+
+  /// @param process  Pipeline& -> keyframes; runs on the worker's thread
+  template <typename Process>
+  void addData(Process process) {
+    worker_.post(kData, [this, process] {
+      if (active_) publish(process(pipeline_));
+    });
+  }
+
+  void setJoint(const CalibrationEstimateConstPtr& msg) {
+    if (!(kPart == SensorPart::kCamera ? msg->camera.valid : msg->lidar.valid)) return;
+    const Calibration calibration = fromEstimateMsg(*msg).calibration;
+    worker_.post(kControl, [this, calibration] { pipeline_.calibrator().setJointCalibration(calibration); });
+  }
+
+  /// "start": begin anew, "stop": take no more data.
+  void obey(const std_msgs::StringConstPtr& msg) {
+    const bool start = msg->data == "start";
+    worker_.post(kControl, [this, start] {
+      active_ = start;
+      if (!start) return;
+      pipeline_.reset();
+      last_estimate_ = 0;
+    });
+  }
+
+  /// Hands on what is held back at the end of the data; returns when it is published.
+  void flush() {
+    worker_.post(kControl, [this] { publish(pipeline_.calibrator().flush()); });
+    worker_.drain();
+  }
+
+ private:
+  enum Lane : std::size_t { kImu, kData, kControl };
+
+  template <typename Keyframe>
+  void publish(const std::vector<Keyframe>& keyframes) {
+    const std::string& frame = kPart == SensorPart::kCamera ? frames_.camera : frames_.lidar;
+    for (const Keyframe& keyframe : keyframes) {
+      keyframe_publisher_.publish(boost::make_shared<KeyframeMsg>(toKeyframeMsg(keyframe, frame)));
+    }
+    logNotices(&pipeline_.notices());
+    CalibratorDiagnostics diagnostics = pipeline_.diagnostics();
+    const CalibrationEstimate estimate = pipeline_.calibrator().estimate();
+    if (estimate.stamp != last_estimate_ || diagnostics.message != last_words_) {
+      last_estimate_ = estimate.stamp;
+      last_words_ = diagnostics.message;
+      estimate_publisher_.publish(
+          boost::make_shared<ExtrinsicEstimate>(toExtrinsicMsg(estimate, kPart, diagnostics, frames_)));
+    }
+    diagnostics.counts["imu samples dropped in queue"] = worker_.dropped(kImu);
+    diagnostics.counts["data dropped in queue"] = worker_.dropped(kData);
+    diagnostics_.update(std::move(diagnostics), {{"data waiting", static_cast<double>(worker_.waiting(kData))},
+                                                 {"worst latency [s]", worker_.takeWorstLatency()}});
+  }
+
+  const FrameNames frames_;
+  ros::Publisher keyframe_publisher_, estimate_publisher_;
+  DiagnosticsPublisher diagnostics_;
+  // Used by worker_ only.
+  Pipeline pipeline_;
+  bool active_ = true;
+  TimeNs last_estimate_ = 0;
+  std::string last_words_;
+  Worker worker_;  // last: its jobs use all of the above
+};
+
+}  // namespace cocalib

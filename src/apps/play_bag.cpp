@@ -1,0 +1,183 @@
+/// play_bag: plays the rig's topics of a recording to the nodelets of calibrate.launch. Unlike rosbag play it starts only
+/// when all of them listen, so that nothing is lost, and when the recording ends it has them finish, has the result
+/// written and ends itself.
+
+#include <exception>
+#include <iostream>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <boost/program_options.hpp>
+#include <ros/ros.h>
+#include <rosbag/player.h>
+#include <rosgraph_msgs/Clock.h>
+#include <std_srvs/Trigger.h>
+
+#include "cocalib/io/rig_file.h"
+#include "cocalib/ros/bag_input.h"
+
+namespace {
+
+namespace options = boost::program_options;
+constexpr int kInputError = 1, kUsageError = 2;
+const std::vector<std::string> kFlushServices = {"visual_inertial/flush", "lidar_inertial/flush"};
+
+struct Arguments {
+  std::string rig, bag;
+  double rate = 1.0, start_s = 0.0;
+};
+
+options::options_description describeOptions() {
+  options::options_description all("usage: play_bag --rig RIG.yaml --bag FILE.bag [--rate R] [--start S]");
+  all.add_options()("rig", options::value<std::string>()->required(), "what the robot carries")(
+      "bag", options::value<std::string>()->required(), "the recording")(
+      "rate", options::value<double>()->default_value(1.0), "times the speed of the recording")(
+      "start", options::value<double>()->default_value(0.0), "seconds of the bag to skip");
+  return all;
+}
+
+/// @throws boost::program_options::error on wrong usage
+Arguments parseArguments(int argc, char** argv) {
+  options::variables_map values;
+  options::store(options::command_line_parser(argc, argv).options(describeOptions()).positional({}).run(), values);
+  options::notify(values);
+  Arguments arguments = {values["rig"].as<std::string>(), values["bag"].as<std::string>(), values["rate"].as<double>(),
+                         values["start"].as<double>()};
+  if (!(arguments.rate > 0.0)) throw options::error("--rate must be more than 0");
+  if (!(arguments.start_s >= 0.0)) throw options::error("--start must be 0 or more seconds");
+  return arguments;
+}
+
+/// Plays one bag to this namespace's nodelets.
+class Player {
+ public:
+  Player(const Arguments& arguments, cocalib::BagInput* input) : arguments_(arguments), input_(*input) {
+    clock_ = nh_.advertise<rosgraph_msgs::Clock>("/clock", 100);
+    rosbag::View all(input_.bag(), rosbag::TopicQuery(input_.topics()));
+    for (const rosbag::ConnectionInfo* connection : all.getConnections()) {
+      if (publishers_.count(connection->topic) != 0) continue;
+      constexpr std::uint32_t kQueue = 2000;
+      ros::AdvertiseOptions advertise = rosbag::createAdvertiseOptions(connection, kQueue);
+      advertise.latch = connection->datatype == "sensor_msgs/CameraInfo";
+      publishers_[connection->topic] = nh_.advertise(advertise);
+    }
+  }
+
+  /// @return false if the nodelets never came or ROS ended
+  bool waitForListeners() {
+    publishFirst("sensor_msgs/CameraInfo");  // the nodelets need it before they listen to anything else
+    const ros::WallTime end = ros::WallTime::now() + ros::WallDuration(60.0);
+    while (ros::ok() && ros::WallTime::now() < end) {
+      if (allListen()) return true;
+      ros::WallDuration(0.05).sleep();
+    }
+    return false;
+  }
+
+  void play() {
+    const ros::Time first = input_.begin();
+    const ros::WallTime begin = ros::WallTime::now();
+    ros::Time ticked;
+    for (const rosbag::MessageInstance& message : input_.view()) {
+      if (!ros::ok()) return;
+      const double since_s = (message.getTime() - first).toSec();
+      ros::WallTime::sleepUntil(begin + ros::WallDuration(since_s / arguments_.rate));
+      if (message.getTime() != ticked) tick(ticked = message.getTime());
+      publishers_.at(message.getTopic()).publish(message);
+    }
+  }
+
+  /// Has the nodelets work off what they hold, solve over everything and write. @return whether a result was written
+  bool finish() {
+    ros::WallDuration(1.0).sleep();  // the last messages are still on the wire
+    std::string words;
+    for (const std::string& service : kFlushServices) {
+      if (!call(service, &words)) return false;
+    }
+    if (!call("stop", &words) || !call("save", &words)) {
+      std::cerr << "play_bag: " << words << "\n";
+      return false;
+    }
+    std::cout << "result: " << words << std::endl;
+    return true;
+  }
+
+ private:
+  bool allListen() {
+    for (const std::string& service : kFlushServices) {
+      if (!ros::service::exists(service, false)) return false;
+    }
+    if (!ros::service::exists("stop", false)) return false;
+    for (const auto& [topic, publisher] : publishers_) {
+      if (publisher.getNumSubscribers() == 0 && !publisher.isLatched()) return false;
+    }
+    return true;
+  }
+
+  void publishFirst(const std::string& type) {
+    rosbag::View view(input_.bag(), rosbag::TypeQuery(type));
+    std::map<std::string, bool> published;
+    for (const rosbag::MessageInstance& message : view) {
+      if (publishers_.count(message.getTopic()) == 0 || std::exchange(published[message.getTopic()], true)) continue;
+      publishers_[message.getTopic()].publish(message);
+    }
+  }
+
+  void tick(const ros::Time& now) {
+    rosgraph_msgs::Clock msg;
+    msg.clock = now;
+    clock_.publish(msg);
+  }
+
+  bool call(const std::string& service, std::string* words) {
+    std_srvs::Trigger trigger;
+    const bool answered = ros::service::call(service, trigger);
+    *words = answered ? trigger.response.message : "no answer from " + service;
+    return answered && trigger.response.success;
+  }
+
+  const Arguments arguments_;
+  cocalib::BagInput& input_;
+  ros::NodeHandle nh_;
+  ros::Publisher clock_;
+  std::map<std::string, ros::Publisher> publishers_;
+};
+
+int play(const Arguments& arguments) {
+  const cocalib::RigConfig rig = cocalib::loadRigFile(arguments.rig);
+  cocalib::BagInput input(arguments.bag, rig, arguments.start_s);
+  ros::AsyncSpinner spinner(1);  // connections of subscribers
+  spinner.start();
+  Player player(arguments, &input);
+  if (!player.waitForListeners()) {
+    if (ros::ok()) std::cerr << "play_bag: the calibrators do not listen; see their error above\n";
+    return kInputError;
+  }
+  player.play();
+  return ros::ok() && player.finish() ? 0 : kInputError;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  ros::init(argc, argv, "play_bag");
+  std::vector<std::string> own;  // without what roslaunch adds
+  ros::removeROSArgs(argc, argv, own);
+  std::vector<char*> pointers;
+  for (std::string& argument : own) pointers.push_back(argument.data());
+  Arguments arguments;
+  try {
+    arguments = parseArguments(static_cast<int>(pointers.size()), pointers.data());
+  } catch (const options::error& error) {
+    std::cerr << "play_bag: " << error.what() << "\n" << describeOptions();
+    return kUsageError;
+  }
+  try {
+    return play(arguments);
+  } catch (const std::exception& error) {
+    std::cerr << "play_bag: " << error.what() << "\n";
+  }
+  return kInputError;
+}

@@ -1,0 +1,138 @@
+#include "cocalib/ros/live_display.h"
+
+#include <boost/make_shared.hpp>
+#include <cv_bridge/cv_bridge.h>
+#include <sensor_msgs/Image.h>
+
+#include "cocalib/ros/conversions.h"
+#include "cocalib/ros/marker_messages.h"
+
+namespace cocalib {
+namespace {
+
+sensor_msgs::ImagePtr toImageMsg(const cv::Mat& picture, TimeNs stamp, const std::string& frame) {
+  std_msgs::Header header;
+  header.stamp = toRosTime(stamp);
+  header.frame_id = frame;
+  return cv_bridge::CvImage(header, "bgr8", picture).toImageMsg();
+}
+
+}  // namespace
+
+LiveDisplay::LiveDisplay(ros::NodeHandle nh, const RigConfig& rig, const FrameNames& frames)
+    : rig_(rig),
+      frames_(frames),
+      overlay_publisher_(nh.advertise<sensor_msgs::Image>("overlay", 2)),
+      convergence_publisher_(nh.advertise<sensor_msgs::Image>("convergence", 1, true)),
+      marker_publisher_(nh.advertise<visualization_msgs::MarkerArray>("markers", 1, true)),
+      newest_(rig, SceneCollector::Keep::kNewest),
+      spread_(rig, SceneCollector::Keep::kSpread),
+      worker_({1}) {}
+
+void LiveDisplay::setCamera(const std::optional<CameraModel>& camera) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  camera_ = camera;
+}
+
+void LiveDisplay::addImu(const sensor_msgs::Imu& msg) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  newest_.addImu(msg);
+  spread_.addImu(msg);
+}
+
+void LiveDisplay::addImage(const sensor_msgs::ImageConstPtr& msg) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  newest_.addImage(msg);
+  spread_.addImage(msg);
+}
+
+void LiveDisplay::addImage(const sensor_msgs::CompressedImageConstPtr& msg) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  newest_.addImage(msg);
+  spread_.addImage(msg);
+}
+
+void LiveDisplay::addCloud(const sensor_msgs::PointCloud2ConstPtr& msg) {
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    newest_.addCloud(msg);
+    spread_.addCloud(msg);
+  }
+  if (overlay_publisher_.getNumSubscribers() > 0) worker_.post(0, [this] { drawNewestOverlay(); });
+}
+
+void LiveDisplay::addState(const NavState& state) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  newest_.addState(state);
+  spread_.addState(state);
+}
+
+void LiveDisplay::setEstimate(const CalibrationEstimate& estimate, const std::string& words,
+                              const std::optional<Pose>& T_W_B) {
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    estimate_ = estimate;
+    T_W_B_ = T_W_B;
+    if (estimate.camera.valid || estimate.lidar.valid) log_.add(estimate);
+  }
+  marker_publisher_.publish(toMarkers(estimate, words, T_W_B, rig_.target, frames_));
+  worker_.post(0, [this] { publishConvergence(); });
+}
+
+void LiveDisplay::reset() {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  newest_.clear();
+  spread_.clear();
+  log_.clear();
+  estimate_ = CalibrationEstimate();
+  T_W_B_.reset();
+  last_drawn_ = 0;
+}
+
+RunResult LiveDisplay::result(const CalibrationEstimate& estimate) const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  RunResult result;
+  result.estimate = estimate;
+  result.log = log_;
+  result.log.add(estimate);
+  result.camera = camera_;
+  result.T_W_B = T_W_B_;
+  if (rig_.lidar && camera_) result.scene = spread_.best(estimate.calibration, *camera_, T_W_B_);
+  return result;
+}
+
+void LiveDisplay::drawNewestOverlay() {
+  std::optional<OverlayScene> scene;
+  std::optional<CameraModel> camera;
+  OverlayCalibration with;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (!camera_) return;
+    scene = newest_.newest();
+    if (!scene || scene->image.stamp == last_drawn_) return;
+    last_drawn_ = scene->image.stamp;
+    camera = camera_;
+    const bool known = estimate_.camera.valid && estimate_.lidar.valid;
+    with.calibration =
+        known ? estimate_.calibration : nominalCalibration(rig_.guess_T_imu_camera, rig_.guess_T_imu_lidar);
+    with.T_W_B = T_W_B_;
+    with.caption = known ? toString(estimate_.status) : "not calibrated yet";
+  }
+  if (scene->image.gray.cols != camera->width() || scene->image.gray.rows != camera->height()) return;
+  const cv::Mat picture = drawOverlay(*scene, with, *camera, rig_.target);
+  overlay_publisher_.publish(toImageMsg(picture, scene->image.stamp, frames_.camera));
+}
+
+void LiveDisplay::publishConvergence() {
+  if (convergence_publisher_.getNumSubscribers() == 0) return;
+  ConvergenceLog log;
+  TimeNs stamp = 0;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    log = log_;
+    stamp = estimate_.stamp;
+  }
+  convergence_publisher_.publish(toImageMsg(log.draw(), stamp, frames_.imu));
+}
+
+}  // namespace cocalib

@@ -1,0 +1,118 @@
+#include "cocalib/ros/marker_messages.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Eigenvalues>
+
+#include "cocalib/ros/conversions.h"
+
+namespace cocalib {
+namespace {
+
+using visualization_msgs::Marker;
+
+constexpr double kAxisLengthM = 0.2;
+constexpr double kLeastEllipsoidM = 0.002;  // smaller cannot be seen
+
+/// Every marker lasts until it is replaced and has no stamp of its own: rviz shows it in its frame as it stands now.
+Marker makeMarker(const std::string& space, int type, const std::string& frame, const Pose& pose) {
+  Marker marker;
+  marker.header.frame_id = frame;
+  marker.ns = space;
+  marker.type = type;
+  marker.action = Marker::ADD;
+  marker.pose = toPoseMsg(pose);
+  marker.color.a = 1.0F;
+  return marker;
+}
+
+geometry_msgs::Point toPointMsg(const Eigen::Vector3d& p) {
+  geometry_msgs::Point msg;
+  msg.x = p.x();
+  msg.y = p.y();
+  msg.z = p.z();
+  return msg;
+}
+
+void addAxes(const std::string& name, const std::string& frame, const Pose& T_frame_sensor,
+             visualization_msgs::MarkerArray* all) {
+  Marker axes = makeMarker(name + " axes", Marker::LINE_LIST, frame, T_frame_sensor);
+  axes.scale.x = 0.012;
+  for (int axis = 0; axis < 3; ++axis) {
+    std_msgs::ColorRGBA colour;
+    colour.a = 1.0F;
+    (axis == 0 ? colour.r : axis == 1 ? colour.g : colour.b) = 1.0F;
+    axes.points.push_back(toPointMsg(Eigen::Vector3d::Zero()));
+    axes.points.push_back(toPointMsg(kAxisLengthM * Eigen::Vector3d::Unit(axis)));
+    axes.colors.insert(axes.colors.end(), 2, colour);
+  }
+  all->markers.push_back(axes);
+}
+
+void addEllipsoid(const std::string& name, const std::string& frame, const Eigen::Vector3d& centre,
+                  const Eigen::Matrix3d& covariance, visualization_msgs::MarkerArray* all) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance);
+  Eigen::Matrix3d R = solver.eigenvectors();
+  if (R.determinant() < 0.0) R.col(0) = -R.col(0);
+  Marker ellipsoid = makeMarker(name + " position, 3 sigma", Marker::SPHERE, frame, {Eigen::Quaterniond(R), centre});
+  const Eigen::Vector3d diameters =
+      (6.0 * solver.eigenvalues().cwiseMax(0.0).cwiseSqrt()).cwiseMax(kLeastEllipsoidM);
+  ellipsoid.scale = toVectorMsg(diameters);
+  ellipsoid.color.r = ellipsoid.color.g = 1.0F;
+  ellipsoid.color.a = 0.5F;
+  all->markers.push_back(ellipsoid);
+}
+
+void addBoard(const Pose& T_W_B, const BoardGeometry& board, const std::string& world,
+              visualization_msgs::MarkerArray* all) {
+  const Eigen::Vector3d centre(0.5 * (board.cols - 1) * board.square_m, 0.5 * (board.rows - 1) * board.square_m, 0.0);
+  Marker plate = makeMarker("board", Marker::CUBE, world, {T_W_B.q, T_W_B * centre});
+  plate.scale.x = board.width_m.value_or((board.cols + 1) * board.square_m);
+  plate.scale.y = board.height_m.value_or((board.rows + 1) * board.square_m);
+  plate.scale.z = 0.01;
+  plate.color.r = plate.color.g = plate.color.b = 0.9F;
+  plate.color.a = 0.6F;
+  all->markers.push_back(plate);
+  Marker squares = makeMarker("board squares", Marker::CUBE_LIST, world, T_W_B);
+  squares.scale.x = squares.scale.y = board.square_m;
+  squares.scale.z = 0.014;
+  squares.color.r = squares.color.g = squares.color.b = 0.1F;
+  for (int row = -1; row < board.rows; ++row) {
+    for (int col = -1; col < board.cols; ++col) {
+      if ((row + col) % 2 != 0) continue;
+      squares.points.push_back(toPointMsg(board.square_m * Eigen::Vector3d(col + 0.5, row + 0.5, 0.0)));
+    }
+  }
+  all->markers.push_back(squares);
+}
+
+}  // namespace
+
+visualization_msgs::MarkerArray toMarkers(const CalibrationEstimate& estimate, const std::string& words,
+                                          const std::optional<Pose>& T_W_B, const std::optional<BoardGeometry>& board,
+                                          const FrameNames& frames) {
+  visualization_msgs::MarkerArray all;
+  addAxes("imu", frames.imu, Pose(), &all);
+  const Calibration& calibration = estimate.calibration;
+  if (estimate.camera.valid && estimate.covariance.allFinite()) {
+    addAxes("camera", frames.imu, calibration.T_imu_camera, &all);
+    addEllipsoid("camera", frames.imu, calibration.T_imu_camera.t, estimate.covariance.block<3, 3>(0, 0), &all);
+  }
+  if (estimate.lidar.valid && estimate.covariance.allFinite()) {
+    addAxes("lidar", frames.imu, calibration.T_imu_lidar, &all);
+    addEllipsoid("lidar", frames.imu, calibration.T_imu_lidar.t, estimate.covariance.block<3, 3>(6, 6), &all);
+  }
+  if (board && T_W_B && T_W_B->t.allFinite()) addBoard(*T_W_B, *board, frames.world, &all);
+  if (!words.empty()) {
+    Marker text = makeMarker("status", Marker::TEXT_VIEW_FACING, frames.imu, {});
+    text.pose.position.z = 0.5;
+    text.scale.z = 0.1;
+    text.color.r = text.color.g = text.color.b = 1.0F;
+    text.text = words;
+    all.markers.push_back(text);
+  }
+  return all;
+}
+
+}  // namespace cocalib
