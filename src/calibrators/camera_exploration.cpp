@@ -81,9 +81,9 @@ std::optional<Alignment> CameraExploration::align(const ImuBuffer& imu, const st
 }
 
 VisualKeyframe thinTracks(const VisualKeyframe& frame, double rate_hz) {
-  // A function of the stamp alone, so that calibrator and fuser agree: of every 1 / rate, the first 40 ms (one picture at
-  // 25 Hz) keep their tracks.
-  constexpr TimeNs kOnePicture = 40000000;
+  // A function of the stamp alone, so that calibrator and fuser agree: of every 1 / rate, the first 60 ms (one picture at
+  // 16.7 Hz, every third of 50) keep their tracks.
+  constexpr TimeNs kOnePicture = 60000000;
   VisualKeyframe out = frame;
   const TimeNs period = toNs(1.0 / rate_hz);
   if (frame.stamp % period >= kOnePicture) out.tracks.clear();

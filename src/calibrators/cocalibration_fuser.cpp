@@ -16,7 +16,7 @@ namespace {
 constexpr double kFirstSlacks_m[] = {0.10, 0.03, 0.01};
 constexpr int kFirstIterations = 6;
 constexpr int kIterations = 3;
-constexpr int kFinalRounds = 3;
+constexpr int kFinalRounds = 2;
 constexpr int kFinalIterations = 10;
 
 InertialWindow::Params windowParams(const FuserParams& params, const ImuNoise& noise, const FuserInputs& inputs) {
@@ -63,6 +63,8 @@ struct CoCalibrationFuser::Impl {
   Pose alignmentToWindow() const;
   bool start();
   void extend(TimeNs until);
+  bool takeNewData();
+  void solveFirst();
   void rememberHint(const std::optional<NavState>& state, std::deque<NavState>* hints) const;
   void solveRound(bool rebuild, double slack_m, int iterations);
   void publish();
@@ -238,6 +240,20 @@ void CoCalibrationFuser::Impl::solveRound(bool rebuild, double slack_m, int iter
   }
 }
 
+/// Takes in all data up to the horizon. @return whether there is anything new to solve for
+bool CoCalibrationFuser::Impl::takeNewData() {
+  if (!ready() || (!started && !start())) return false;
+  const auto until = horizon();
+  if (!until || *until <= window.state().nodes.back().stamp) return false;
+  extend(std::min(*until, window.imu().lastStamp()));
+  return true;
+}
+
+void CoCalibrationFuser::Impl::solveFirst() {
+  for (const double slack : kFirstSlacks_m) solveRound(true, slack, kFirstIterations);
+  planes_built_at_scans = window.lidar() ? window.lidar()->scans() : 0;
+}
+
 bool CoCalibrationFuser::solve() {
   Impl& m = *impl_;
   if (!m.inbox.drainTo(&m.window.imu())) {
@@ -245,13 +261,9 @@ bool CoCalibrationFuser::solve() {
     return false;
   }
   const bool first = !m.started;
-  if (!m.ready() || (first && !m.start())) return false;
-  const auto until = m.horizon();
-  if (!until || *until <= m.window.state().nodes.back().stamp) return false;
-  m.extend(std::min(*until, m.window.imu().lastStamp()));
+  if (!m.takeNewData()) return false;
   if (first) {
-    for (const double slack : kFirstSlacks_m) m.solveRound(true, slack, kFirstIterations);
-    m.planes_built_at_scans = m.window.lidar() ? m.window.lidar()->scans() : 0;
+    m.solveFirst();
   } else {
     const int scans = m.window.lidar() ? m.window.lidar()->scans() : 0;
     const bool rebuild = scans > 3 * m.planes_built_at_scans / 2;
@@ -266,10 +278,12 @@ bool CoCalibrationFuser::solve() {
 
 void CoCalibrationFuser::finish(const std::function<void(double)>& progress) {
   Impl& m = *impl_;
-  solve();
+  if (!m.inbox.drainTo(&m.window.imu())) return;
+  const bool first = !m.started;
+  if (m.takeNewData() && first) m.solveFirst();
   for (int round = 0; m.started && round < kFinalRounds; ++round) {
     if (progress) progress(static_cast<double>(round) / kFinalRounds);
-    m.solveRound(true, 0.0, kFinalIterations);
+    m.solveRound(true, round == 0 ? 0.005 : 0.0, kFinalIterations);
   }
   if (m.started) m.publish();
   if (progress) progress(1.0);

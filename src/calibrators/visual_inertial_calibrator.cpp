@@ -17,6 +17,8 @@ namespace {
 
 constexpr double kFirstTry_s = 3.0;  // of pictures, before the first attempt at a mounting
 constexpr double kTryPeriod_s = 1.0;
+// A search costs as much as twenty tracked pictures; once the window predicts the board there is nothing left to search.
+constexpr double kSearchPeriod_s = 0.8;
 constexpr int kStartRounds = 3;
 constexpr int kStartIterations = 8;
 constexpr int kIterations = 3;
@@ -39,7 +41,11 @@ struct VisualInertialCalibrator::Impl {
        const std::optional<BoardGeometry>& b)
       : params(p), camera(model), board(b), tracker(model, FeatureTracker::Params()),
         window(windowParams(noise, model, b)) {
-    if (board) detector.emplace(*board, camera, BoardDetector::Params());
+    if (board) {
+      BoardDetector::Params detection;
+      detection.search_period_s = kSearchPeriod_s;
+      detector.emplace(*board, camera, detection);
+    }
   }
   static InertialWindow::Params windowParams(const ImuNoise& noise, const CameraModel& model,
                                              const std::optional<BoardGeometry>& board) {

@@ -23,7 +23,7 @@ class LidarGroup {
     double range_noise_m = 0.03;
     double noise_floor_m = 0.004;   ///< across the plane, whatever the incidence: bearing noise, roughness
     double gate_sigmas = 4.0;
-    double bin_s = 0.002;           ///< points of this long share one pose
+    double bin_s = 0.004;           ///< points of this long share one pose; within it rates count as constant
     std::optional<BoardGeometry> board;
   };
   explicit LidarGroup(const Params& params) : params_(params) {}
