@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <thread>
 
 #include "cocalib/estimation/pose_scatter.h"
 #include "cocalib/factors/point_factors.h"
@@ -196,14 +197,21 @@ void LidarGroup::fillMap(const WindowState& state, const InertialChain& chain, i
 
 void LidarGroup::link(const WindowState& state, const InertialChain& chain, const PlaneMap& map, int first_scan,
                       double slack_m, bool board_known) {
-  for (std::size_t s = static_cast<std::size_t>(first_scan); s < scans_.size(); ++s) {
-    Scan& scan = scans_[s];
-    std::optional<BoardSegment> board;
-    if (board_known && params_.board) board = findBoard(state, chain, scan, slack_m);
-    linkScan(state, chain, map, slack_m, board, &scan);
-    scan.edges.clear();
-    if (board) linkEdges(state, chain, *board, &scan);
-  }
+  const auto linkFrom = [&](std::size_t first, std::size_t stride) {
+    for (std::size_t s = first; s < scans_.size(); s += stride) {
+      Scan& scan = scans_[s];
+      std::optional<BoardSegment> board;
+      if (board_known && params_.board) board = findBoard(state, chain, scan, slack_m);
+      linkScan(state, chain, map, slack_m, board, &scan);
+      scan.edges.clear();
+      if (board) linkEdges(state, chain, *board, &scan);
+    }
+  };
+  // Sweeps do not depend on each other; every other one goes to a second thread.
+  const auto first = static_cast<std::size_t>(first_scan);
+  std::thread second([&] { linkFrom(first + 1, 2); });
+  linkFrom(first, 2);
+  second.join();
 }
 
 std::optional<BoardSegment> LidarGroup::findBoard(const WindowState& state, const InertialChain& chain,

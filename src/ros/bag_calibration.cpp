@@ -181,9 +181,9 @@ void BagCalibration::Impl::meet(const Slice& slice, bool solved) {
     if (keyframe.state) scenes.addState(*keyframe.state);
   }
   if (solved) {
-    const Calibration calibration = fuser.fuser().estimate().calibration;
-    if (camera) camera->calibrator().setJointCalibration(calibration);
-    if (lidar) lidar->calibrator().setJointCalibration(calibration);
+    const CalibrationEstimate estimate = fuser.fuser().estimate();
+    if (camera && estimate.camera.valid) camera->calibrator().setJointCalibration(estimate.calibration);
+    if (lidar && estimate.lidar.valid) lidar->calibrator().setJointCalibration(estimate.calibration);
   }
   checkInput(false);
   sayNotices();
@@ -210,10 +210,10 @@ void BagCalibration::Impl::checkInput(bool at_end) {
 void BagCalibration::Impl::sayNotices() {
   if (!listener.notice) return;
   if (camera) {
-    for (const std::string& line : camera->notices().take()) listener.notice(line);
+    for (const Notice& notice : camera->notices().take()) listener.notice(notice.text);
   }
   if (lidar) {
-    for (const std::string& line : lidar->notices().take()) listener.notice(line);
+    for (const Notice& notice : lidar->notices().take()) listener.notice(notice.text);
   }
 }
 

@@ -31,7 +31,7 @@ void CameraPipeline::addImu(const sensor_msgs::Imu& msg) {
   const std::optional<ImuSample> sample = readImu(msg, &problem);
   if (!sample) {
     notices_.count("imu samples refused");
-    notices_.say("imu: " + problem);
+    notices_.warn("imu: " + problem);
     return;
   }
   const StreamGuard::Verdict verdict = guard_.onImu(sample->stamp);
@@ -60,7 +60,7 @@ bool CameraPipeline::fitsModel(const cv::Mat& gray) {
   const std::string sizes = std::to_string(gray.cols) + " x " + std::to_string(gray.rows) + ", the camera model is for " +
                             std::to_string(width_) + " x " + std::to_string(height_);
   rig_problem_ = rig_file_ + ": pictures on " + topic_ + " are " + sizes + "; correct camera resolution and intrinsics";
-  notices_.say(*rig_problem_);
+  notices_.warn(*rig_problem_);
   return false;
 }
 
@@ -70,7 +70,7 @@ std::vector<VisualKeyframe> CameraPipeline::addAnyImage(const Message& msg) {
   const TimeNs stamp = toTimeNs(msg.header.stamp);
   if (!guard_.accepts(stamp)) {
     notices_.count("images out of time");
-    notices_.say(topic_ + ": stamps are seconds away from those of the IMU; are the clocks synchronised?");
+    notices_.warn(topic_ + ": stamps are seconds away from those of the IMU; are the clocks synchronised?");
     return {};
   }
   // The calibrator would not use it; skipping it here saves the decoding.
@@ -79,7 +79,7 @@ std::vector<VisualKeyframe> CameraPipeline::addAnyImage(const Message& msg) {
   const std::optional<ImageFrame> image = readImage(msg, &problem);
   if (!image) {
     notices_.count("images refused");
-    notices_.say(topic_ + ": " + problem);
+    notices_.warn(topic_ + ": " + problem);
     return {};
   }
   if (!fitsModel(image->gray)) return {};
@@ -92,7 +92,7 @@ std::vector<VisualKeyframe> CameraPipeline::addAnyImage(const Message& msg) {
     }
     if (const std::optional<std::string> wrong_size = board_check_->look(*image)) {
       rig_problem_ = rig_file_ + ": " + *wrong_size + "; correct target: cols and rows";
-      notices_.say(*rig_problem_);
+      notices_.warn(*rig_problem_);
     }
   }
   return keyframes;

@@ -30,7 +30,7 @@ void LidarPipeline::addImu(const sensor_msgs::Imu& msg) {
   const std::optional<ImuSample> sample = readImu(msg, &problem);
   if (!sample) {
     notices_.count("imu samples refused");
-    notices_.say("imu: " + problem);
+    notices_.warn("imu: " + problem);
     return;
   }
   const StreamGuard::Verdict verdict = guard_.onImu(sample->stamp);
@@ -51,7 +51,7 @@ std::vector<LidarKeyframe> LidarPipeline::addCloud(const sensor_msgs::PointCloud
   notices_.count("clouds");
   if (!guard_.accepts(toTimeNs(msg.header.stamp))) {
     notices_.count("clouds out of time");
-    notices_.say(topic_ + ": stamps are seconds away from those of the IMU; are the clocks synchronised?");
+    notices_.warn(topic_ + ": stamps are seconds away from those of the IMU; are the clocks synchronised?");
     return {};
   }
   std::string problem;
@@ -59,11 +59,11 @@ std::vector<LidarKeyframe> LidarPipeline::addCloud(const sensor_msgs::PointCloud
   if (!scan || scan->points.empty()) {
     notices_.count("clouds refused");
     last_problem_ = scan ? "no usable point" : problem;
-    notices_.say(topic_ + ": " + last_problem_);
+    notices_.warn(topic_ + ": " + last_problem_);
     return {};
   }
-  if (!reader_.description().empty()) notices_.say(topic_ + ": " + reader_.description());
-  if (!reader_.warning().empty()) notices_.say(topic_ + ": " + reader_.warning());
+  if (!reader_.description().empty()) notices_.inform(topic_ + ": " + reader_.description());
+  if (!reader_.warning().empty()) notices_.warn(topic_ + ": " + reader_.warning());
   return calibrator_.addScan(*scan);
 }
 

@@ -59,7 +59,10 @@ ros::ServiceServer advertiseTrigger(ros::NodeHandle nh, const std::string& name,
 }
 
 void logNotices(Notices* notices) {
-  for (const std::string& line : notices->take()) ROS_WARN("%s", line.c_str());
+  for (const Notice& notice : notices->take()) {
+    if (notice.warning) ROS_WARN("%s", notice.text.c_str());
+    else ROS_INFO("%s", notice.text.c_str());
+  }
 }
 
 }  // namespace cocalib

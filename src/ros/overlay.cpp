@@ -167,6 +167,13 @@ OverlayCounts countOverlay(const OverlayScene& scene, const OverlayCalibration& 
                            const std::optional<BoardGeometry>& board) {
   OverlayCounts counts;
   const std::optional<Pose> T_C_B = boardInCamera(scene, with);
+  if (board && T_C_B) {
+    const std::array<Eigen::Vector3d, 4> corners = plateCorners(*board);
+    counts.whole_board = std::all_of(corners.begin(), corners.end(), [&](const Eigen::Vector3d& corner) {
+      const std::optional<Eigen::Vector2d> px = camera.project(*T_C_B * corner);
+      return px && camera.inImage(*px);
+    });
+  }
   for (const Eigen::Vector3d& p_C : pointsInCamera(scene, with.calibration)) {
     const std::optional<Eigen::Vector2d> px = camera.project(p_C);
     if (!px || !camera.inImage(*px)) continue;

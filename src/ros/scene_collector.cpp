@@ -111,7 +111,7 @@ std::optional<OverlayScene> SceneCollector::best(const Calibration& calibration,
     if (!scene || scene->image.gray.cols != camera.width() || scene->image.gray.rows != camera.height()) continue;
     // Points on the board show best whether the sensors agree.
     const OverlayCounts counts = countOverlay(*scene, {calibration, T_W_B, ""}, camera, rig_.target);
-    const int score = counts.visible + 1000 * counts.on_board;
+    const int score = counts.visible + (counts.whole_board ? 2000 : 1000) * counts.on_board;
     if (score <= best_score) continue;
     best_score = score;
     best = std::move(scene);

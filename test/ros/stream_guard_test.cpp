@@ -35,12 +35,15 @@ TEST(StreamGuard, LeftOversOfTheRunBeforeAreRecognised) {
 
 TEST(Notices, SaysEveryLineOnceAndNotWithoutEnd) {
   Notices notices;
-  notices.say("a");
-  notices.say("a");
-  EXPECT_EQ(notices.take(), std::vector<std::string>{"a"});
-  notices.say("a");
+  notices.warn("a");
+  notices.inform("a");
+  const std::vector<Notice> first = notices.take();
+  ASSERT_EQ(first.size(), 1U);
+  EXPECT_EQ(first[0].text, "a");
+  EXPECT_TRUE(first[0].warning);
+  notices.warn("a");
   EXPECT_TRUE(notices.take().empty());
-  for (int i = 0; i < 1000; ++i) notices.say(std::to_string(i));
+  for (int i = 0; i < 1000; ++i) notices.warn(std::to_string(i));
   EXPECT_LT(notices.take().size(), 50U);
   notices.count("x");
   notices.count("x");

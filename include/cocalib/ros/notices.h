@@ -9,6 +9,12 @@
 
 namespace cocalib {
 
+/// A line for the user.
+struct Notice {
+  std::string text;
+  bool warning = true;  ///< otherwise only for information
+};
+
 /// What a pipeline has to tell the user: counters for diagnostics, and lines to be said once each. Not thread-safe.
 class Notices {
  public:
@@ -17,13 +23,11 @@ class Notices {
 
   /// Queues a line unless it was queued before; after 32 different ones no more are taken (a broken driver can make
   /// every message differ).
-  void say(const std::string& line) {
-    constexpr std::size_t kMostLines = 32;
-    if (said_.size() < kMostLines && said_.insert(line).second) fresh_.push_back(line);
-  }
+  void warn(const std::string& text) { say({text, true}); }
+  void inform(const std::string& text) { say({text, false}); }
 
   /// Lines that have not been taken yet.
-  std::vector<std::string> take() { return std::exchange(fresh_, {}); }
+  std::vector<Notice> take() { return std::exchange(fresh_, {}); }
   const std::map<std::string, std::uint64_t>& counts() const { return counts_; }
   std::uint64_t counted(const std::string& what) const {
     const auto found = counts_.find(what);
@@ -31,9 +35,14 @@ class Notices {
   }
 
  private:
+  void say(Notice notice) {
+    constexpr std::size_t kMostLines = 32;
+    if (said_.size() < kMostLines && said_.insert(notice.text).second) fresh_.push_back(std::move(notice));
+  }
+
   std::map<std::string, std::uint64_t> counts_;
   std::set<std::string> said_;
-  std::vector<std::string> fresh_;
+  std::vector<Notice> fresh_;
 };
 
 }  // namespace cocalib

@@ -35,6 +35,7 @@ std::vector<Eigen::Vector3d> pointsInCamera(const OverlayScene& scene, const Cal
 struct OverlayCounts {
   int visible = 0;
   int on_board = 0;
+  bool whole_board = false;  ///< all of it is in the picture
 };
 OverlayCounts countOverlay(const OverlayScene& scene, const OverlayCalibration& with, const CameraModel& camera,
                            const std::optional<BoardGeometry>& board);
