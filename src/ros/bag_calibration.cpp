@@ -20,7 +20,7 @@
 namespace cocalib {
 namespace {
 
-constexpr double kSliceS = 0.5;       // of recording per round of work
+constexpr double kSliceS = 2.0;       // of recording per round of work: long enough that a solve holds nobody up
 constexpr double kReadingPart = 0.8;  // of the whole run; the rest is the last solve
 constexpr std::uint64_t kJudgeAfterClouds = 20;
 
@@ -32,7 +32,7 @@ struct Message {
   sensor_msgs::PointCloud2ConstPtr cloud;
 };
 
-/// Some tenths of a second of recording, and what the calibrators made of it.
+/// A stretch of the recording, and what the calibrators made of it.
 struct Slice {
   std::vector<Message> messages;
   std::vector<VisualKeyframe> visual;
