@@ -14,12 +14,31 @@ constexpr int kMostLooks = 30; // after that there is no board in this recording
 /// Longer side first: which side is which depends on how the board is held.
 cv::Size sorted(int a, int b) { return {std::max(a, b), std::min(a, b)}; }
 
-/// Inner corners of any chessboard of at least 3 x 3 in the picture.
+/// Whether the squares around the outermost corners are in the picture too. A board cut by the picture's border shows fewer
+/// corners than it has, and says nothing of its size.
+bool isWhole(const cv::Mat& corners, const cv::Size& grid, const cv::Size& picture) {
+  const auto at = [&](int row, int col) { return corners.at<cv::Point2f>(row * grid.width + col); };
+  const auto inside = [&](const cv::Point2f& p) {
+    return p.x >= 0 && p.y >= 0 && p.x < static_cast<float>(picture.width) && p.y < static_cast<float>(picture.height);
+  };
+  const auto beyond = [](const cv::Point2f& last, const cv::Point2f& before) { return last + 1.2F * (last - before); };
+  const int right = grid.width - 1, bottom = grid.height - 1;
+  for (int row = 0; row <= bottom; ++row) {
+    if (!inside(beyond(at(row, 0), at(row, 1))) || !inside(beyond(at(row, right), at(row, right - 1)))) return false;
+  }
+  for (int col = 0; col <= right; ++col) {
+    if (!inside(beyond(at(0, col), at(1, col))) || !inside(beyond(at(bottom, col), at(bottom - 1, col)))) return false;
+  }
+  return true;
+}
+
+/// Inner corners of any whole chessboard of at least 3 x 3 in the picture.
 std::optional<cv::Size> findAnyBoard(const cv::Mat& gray) {
   cv::Mat corners, cells;
   const bool found = cv::findChessboardCornersSB(gray, {3, 3}, corners,
                                                  cv::CALIB_CB_LARGER | cv::CALIB_CB_EXHAUSTIVE, cells);
   if (!found || cells.rows < 3 || cells.cols < 3) return std::nullopt;
+  if (!isWhole(corners, cells.size(), gray.size())) return std::nullopt;
   return sorted(cells.cols, cells.rows);
 }
 
