@@ -18,6 +18,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr const char* kNoise =
+    "gyroscope_noise_density: 1.745e-4, gyroscope_random_walk: 1.0e-6, "
+    "accelerometer_noise_density: 5.884e-4, accelerometer_random_walk: 1.0e-5";
+
 struct Outcome {
   int exit_code = -1;
   std::string out, error;
@@ -44,7 +48,7 @@ class CalibrateBag : public testing::Test {
 
   /// @param more  further lines of the file
   void writeRig(const std::string& more) const {
-    std::ofstream(path("rig.yaml")) << "imu: {topic: /imu/data, frame: imu_link}\n"
+    std::ofstream(path("rig.yaml")) << "imu: {topic: /imu/data, frame: imu_link, " << kNoise << "}\n"
                                     << "lidar: {topic: /points, frame: lidar_link, range_noise: 0.03}\n"
                                     << more;
   }
@@ -135,8 +139,8 @@ TEST_F(CalibrateBag, MissingTopicListsWhatThereIs) {
 
 TEST_F(CalibrateBag, TopicOfAnotherTypeIsExplained) {
   writeBag(100, "/cloud");
-  std::ofstream(path("rig.yaml")) << "imu: {topic: /cloud, frame: imu_link}\n"
-                                  << "lidar: {topic: /cloud, frame: lidar_link, range_noise: 0.03}\n";
+  std::ofstream(path("rig.yaml")) << "imu: {topic: /cloud, frame: imu_link, " << kNoise << "}\n"
+                                  << "lidar: {topic: /imu/data, frame: lidar_link, range_noise: 0.03}\n";
   expectRefused(runOnBag(), "sensor_msgs/PointCloud2");
 }
 
