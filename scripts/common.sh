@@ -109,11 +109,14 @@ compile_jobs() {
 
 # build TARGET...: configures and makes; shows finished targets and everything that is not progress (warnings, errors).
 build() {
-  local launcher=() log="$build_dir/build.log"
-  mkdir -p "$build_dir"
+  local launcher=() log="$build_dir/build.log" devel="${build_dir}_devel"
+  mkdir -p "$build_dir" "$devel"
+  # rosrun passes over every program below the package's own build/, so the devel space stands beside it and is linked in.
+  [ -L "$build_dir/devel" ] || rm -rf "$build_dir/devel"
+  ln -sfn "$devel" "$build_dir/devel"
   command -v ccache >/dev/null && launcher=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
   say "configuring (log: $build_dir/configure.log)"
-  if ! cmake -S "$repo" -B "$build_dir" "${launcher[@]}" >"$build_dir/configure.log" 2>&1; then
+  if ! cmake -S "$repo" -B "$build_dir" -DCATKIN_DEVEL_PREFIX="$devel" "${launcher[@]}" >"$build_dir/configure.log" 2>&1; then
     tail -n 30 "$build_dir/configure.log" >&2
     die "configuring failed"
   fi

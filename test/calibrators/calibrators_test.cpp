@@ -113,7 +113,7 @@ TEST(VisualInertialCalibrator, StartsFromNothingOnRenderedPictures) {
   EXPECT_LT(error.head<3>().norm(), 5e-3);
   EXPECT_LT(error.tail<3>().norm(), 1.7e-3);
   EXPECT_NEAR(estimate.calibration.camera_time_offset_s, 0.02, 5e-4);
-  EXPECT_GT(keyframes, 120U);
+  EXPECT_GT(keyframes, 70U);  // 100 pictures are processed; those before the first state have none
 }
 
 TEST(VisualInertialCalibrator, CountsPicturesOfTheWrongSize) {
