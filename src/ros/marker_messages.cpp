@@ -22,6 +22,7 @@ Marker makeMarker(const std::string& space, int type, const std::string& frame, 
   marker.ns = space;
   marker.type = type;
   marker.action = Marker::ADD;
+  marker.frame_locked = true;
   marker.pose = toPoseMsg(pose);
   marker.color.a = 1.0F;
   return marker;

@@ -12,7 +12,7 @@
 namespace cocalib {
 namespace {
 
-constexpr std::size_t kMostSpread = 12, kMostNewest = 3;
+constexpr std::size_t kMostSpread = 12, kMostNewest = 6;
 constexpr TimeNs kSpreadPeriodNs = 1'000'000'000, kNewestPeriodNs = 450'000'000;
 constexpr TimeNs kImuAroundNs = 400'000'000;   // covers a sweep that begins a sweep before the picture, and offsets
 constexpr TimeNs kPairNs = 150'000'000;        // picture and sweep belong together up to here
@@ -120,8 +120,12 @@ std::optional<OverlayScene> SceneCollector::best(const Calibration& calibration,
 }
 
 std::optional<OverlayScene> SceneCollector::newest() const {
-  // The last but one has all of its inertial data.
   if (candidates_.empty()) return std::nullopt;
+  // States come a second or two late; without one the board and the velocity are missing from the picture.
+  const auto with_state = std::find_if(candidates_.rbegin(), candidates_.rend(),
+                                       [](const Candidate& candidate) { return candidate.state.has_value(); });
+  if (with_state != candidates_.rend()) return decode(*with_state);
+  // The last but one has all of its inertial data.
   return decode(candidates_.size() > 1 ? candidates_[candidates_.size() - 2] : candidates_.back());
 }
 

@@ -34,7 +34,7 @@ class SceneCollector {
   /// @param T_W_B  board in the world of the states, if known
   std::optional<OverlayScene> best(const Calibration& calibration, const CameraModel& camera,
                                    const std::optional<Pose>& T_W_B) const;
-  /// The newest scene.
+  /// The newest scene that has a state, or the newest at all.
   std::optional<OverlayScene> newest() const;
 
  private:
