@@ -54,14 +54,19 @@ std::vector<RelativeSensorRotation> CameraExploration::rotations(const std::vect
 }
 
 std::optional<Alignment> CameraExploration::align(const ImuBuffer& imu, const std::vector<VisualKeyframe>& frames,
+                                                  const std::optional<Pose>& guess_T_imu_camera,
                                                   std::string* reason) const {
   const std::vector<SensorPose> board_poses = boardPoses(frames);
-  const auto rotation =
-      initializeRotation(imu, rotations(frames, board_poses), RotationInitializerParams(), reason);
+  const std::vector<RelativeSensorRotation> turns = rotations(frames, board_poses);
+  const RotationInitializerParams settings;
+  auto rotation = initializeRotation(imu, turns, settings, reason);
+  if (!rotation && guess_T_imu_camera) {
+    rotation = rotationFromGuess(imu, turns, guess_T_imu_camera->q, settings, reason);
+  }
   if (!rotation) return std::nullopt;
+  AlignmentParams params = guess_T_imu_camera ? AlignmentParams::around(guess_T_imu_camera->t) : AlignmentParams();
   if (board_poses.size() >= kMinBoardViews &&
       static_cast<double>(board_poses.size()) >= kBoardShare * static_cast<double>(frames.size())) {
-    AlignmentParams params;
     params.position_sigma_m = kBoardPositionSigma_m;
     return alignFromPoses(imu, *rotation, board_poses, params, reason);
   }
@@ -77,7 +82,7 @@ std::optional<Alignment> CameraExploration::align(const ImuBuffer& imu, const st
     }
     bearings.push_back(std::move(out));
   }
-  return alignFromTracks(imu, *rotation, bearings, AlignmentParams(), reason);
+  return alignFromTracks(imu, *rotation, bearings, params, reason);
 }
 
 VisualKeyframe thinTracks(const VisualKeyframe& frame, double rate_hz) {

@@ -183,6 +183,9 @@ bool CoCalibrationFuser::Impl::start() {
     calibration.lidar_time_offset_s = lidar_start.calibration.lidar_time_offset_s;
   }
   const double gravity = inputs.lidar ? lidar_start.gravity : visual_start.gravity;
+  // What a start leaves open came from a guess, to about 0.1 m: held to it here too, or noise would move it by metres.
+  const bool open = !visual_start.camera.unobservable.empty() || !lidar_start.lidar.unobservable.empty();
+  window.setTranslationPrior(open ? 0.1 : WindowPriors().extrinsic_translation_m);
   window.reset(*first, calibration, gravity);
   first_stamp = first->stamp;
   started = true;

@@ -16,6 +16,7 @@ namespace {
 
 constexpr double kFirstTry_s = 4.0;         // of odometry, before the first attempt at a mounting
 constexpr double kTryPeriod_s = 1.0;
+constexpr double kGuessShare = 0.8;         // of initialization_s without success, before the guess stands in
 constexpr double kStartSlacks_m[] = {0.15, 0.05, 0.02, 0.0};
 constexpr int kStartIterations = 6;
 constexpr int kIterations = 2;
@@ -66,6 +67,7 @@ struct LidarInertialCalibrator::Impl {
 
   void explore(const std::shared_ptr<const LidarScan>& scan);
   bool tryToStart();
+  std::optional<Alignment> align(const std::optional<Pose>& from, std::string* reason);
   void startWindow(const Alignment& alignment);
   void advance();
   void solve();
@@ -151,6 +153,23 @@ bool LidarInertialCalibrator::Impl::tryToStart() {
   const TimeNs now = poses.back().end;
   if (toSeconds(now - poses.front().begin) < kFirstTry_s || toSeconds(now - last_try) < kTryPeriod_s) return false;
   last_try = now;
+  std::string reason;
+  auto alignment = align(std::nullopt, &reason);
+  if (!alignment && guess && toSeconds(now - poses.front().begin) >= kGuessShare * params.initialization_s) {
+    std::string doubt;
+    alignment = align(guess, &doubt);
+    if (!alignment) reason += " (nor does it start from the initial guess: " + doubt + ")";
+  }
+  if (!alignment) {
+    diagnostics.message = estimate.message = reason;
+    return false;
+  }
+  startWindow(*alignment);
+  return true;
+}
+
+/// @param from  a guess that stands in for what the motion leaves open; nothing: the motion must show everything
+std::optional<Alignment> LidarInertialCalibrator::Impl::align(const std::optional<Pose>& from, std::string* reason) {
   std::vector<RelativeSensorRotation> rotations;
   std::vector<SensorPose> middle;
   for (std::size_t i = 0; i < poses.size(); ++i) {
@@ -161,18 +180,13 @@ bool LidarInertialCalibrator::Impl::tryToStart() {
     const SensorPose& before = middle[middle.size() - 2];
     rotations.push_back({before.stamp, stamp, before.T_M_S.q.conjugate() * middle.back().T_M_S.q});
   }
-  std::string reason;
-  const auto rotation = initializeRotation(window.imu(), rotations, RotationInitializerParams(), &reason);
+  const RotationInitializerParams settings;
+  auto rotation = initializeRotation(window.imu(), rotations, settings, reason);
   diagnostics.stage = rotation ? "rotation found" : "waiting for motion";
-  if (rotation) {
-    const auto alignment = alignFromPoses(window.imu(), *rotation, middle, AlignmentParams(), &reason);
-    if (alignment) {
-      startWindow(*alignment);
-      return true;
-    }
-  }
-  diagnostics.message = estimate.message = reason;
-  return false;
+  if (!rotation && from) rotation = rotationFromGuess(window.imu(), rotations, from->q, settings, reason);
+  if (!rotation) return std::nullopt;
+  const AlignmentParams alignment = from ? AlignmentParams::around(from->t) : AlignmentParams();
+  return alignFromPoses(window.imu(), *rotation, middle, alignment, reason);
 }
 
 void LidarInertialCalibrator::Impl::startWindow(const Alignment& alignment) {

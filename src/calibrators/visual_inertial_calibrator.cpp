@@ -17,6 +17,7 @@ namespace {
 
 constexpr double kFirstTry_s = 3.0;  // of pictures, before the first attempt at a mounting
 constexpr double kTryPeriod_s = 1.0;
+constexpr double kGuessShare = 0.8;  // of initialization_s without success, before the guess stands in
 // A search costs as much as twenty tracked pictures; once the window predicts the board there is nothing left to search.
 constexpr double kSearchPeriod_s = 0.8;
 constexpr int kStartRounds = 3;
@@ -38,8 +39,8 @@ void VisualInertialParams::validate() const {
 
 struct VisualInertialCalibrator::Impl {
   Impl(const VisualInertialParams& p, const ImuNoise& noise, const CameraModel& model,
-       const std::optional<BoardGeometry>& b)
-      : params(p), camera(model), board(b), tracker(model, FeatureTracker::Params()),
+       const std::optional<BoardGeometry>& b, const std::optional<Pose>& g)
+      : params(p), guess(g), camera(model), board(b), tracker(model, FeatureTracker::Params()),
         window(windowParams(noise, model, b)) {
     if (board) {
       BoardDetector::Params detection;
@@ -67,6 +68,7 @@ struct VisualInertialCalibrator::Impl {
   std::vector<VisualKeyframe> takeKeyframes();
 
   VisualInertialParams params;
+  std::optional<Pose> guess;
   CameraModel camera;
   std::optional<BoardGeometry> board;
   std::optional<BoardDetector> detector;
@@ -87,9 +89,9 @@ struct VisualInertialCalibrator::Impl {
 VisualInertialCalibrator::VisualInertialCalibrator(const VisualInertialParams& params, const ImuNoise& imu_noise,
                                                    const CameraModel& camera,
                                                    const std::optional<BoardGeometry>& board,
-                                                   const std::optional<Pose>& /*guess_T_imu_camera*/) {
+                                                   const std::optional<Pose>& guess_T_imu_camera) {
   params.validate();
-  impl_ = std::make_unique<Impl>(params, imu_noise, camera, board);
+  impl_ = std::make_unique<Impl>(params, imu_noise, camera, board, guess_T_imu_camera);
   reset();
 }
 VisualInertialCalibrator::~VisualInertialCalibrator() = default;
@@ -204,7 +206,13 @@ bool VisualInertialCalibrator::Impl::tryToStart() {
   last_try = now;
   std::string reason;
   const CameraExploration exploration(camera, board);
-  const auto alignment = exploration.align(window.imu(), {explored.begin(), explored.end()}, &reason);
+  const std::vector<VisualKeyframe> frames(explored.begin(), explored.end());
+  auto alignment = exploration.align(window.imu(), frames, std::nullopt, &reason);
+  if (!alignment && guess && toSeconds(now - frames.front().stamp) >= kGuessShare * params.initialization_s) {
+    std::string doubt;
+    alignment = exploration.align(window.imu(), frames, guess, &doubt);
+    if (!alignment) reason += " (nor does it start from the initial guess: " + doubt + ")";
+  }
   if (!alignment) {
     diagnostics.stage = "waiting for motion";
     diagnostics.message = estimate.message = reason;

@@ -7,6 +7,7 @@ namespace cocalib {
 
 void startNodes(const Alignment& alignment, const Calibration& calibration, InertialWindow* window) {
   constexpr double kSpacing_s = 0.05;
+  window->setTranslationPrior(alignment.lever_arm_prior_m);
   window->reset(alignment.states.front(), calibration, alignment.gravity);
   for (std::size_t i = 0; i + 1 < alignment.states.size(); ++i) {
     const NavState& from = alignment.states[i];

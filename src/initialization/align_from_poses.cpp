@@ -102,6 +102,7 @@ class PoseAlignment {
     alignment.accel_bias = solution_.accelBias();
     alignment.time_offset_s = attitude_.time_offset_s;
     alignment.lever_arm_sigma_m = lever_covariance_.diagonal().cwiseSqrt();
+    alignment.lever_arm_prior_m = params_.lever_arm_prior_m;
     alignment.residual_m = rms_;
     alignment.T_W_M.q = Eigen::Quaterniond::FromTwoVectors(solution_.gravity(), -Eigen::Vector3d::UnitZ());
     for (const SensorPose& pose : poses) alignment.states.push_back(state(pose.stamp, alignment));

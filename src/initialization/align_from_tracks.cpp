@@ -130,6 +130,7 @@ std::optional<Alignment> alignFromTracks(const ImuBuffer& imu, const RotationIni
   alignment.accel_bias = solution.shared.accelBias();
   alignment.time_offset_s = problem->time_offset_s;
   alignment.lever_arm_sigma_m = solution.shared.leverCovariance().diagonal().cwiseSqrt();
+  alignment.lever_arm_prior_m = params.lever_arm_prior_m;
   alignment.states = statesOf(*problem, solution, frames, alignment.gravity);
   return alignment;
 }

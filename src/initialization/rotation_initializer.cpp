@@ -127,43 +127,88 @@ std::string resultDoubt(const RotationInitialization& result, const RotationInit
   return {};
 }
 
-}  // namespace
+/// The sensor's rotations, and what the gyro did meanwhile.
+struct Turning {
+  std::vector<RelativeSensorRotation> pairs;  ///< the usable ones
+  InertialPath gyro;                          ///< without bias, over the whole search range
+  RateSpread spread;
+};
 
-std::optional<RotationInitialization> initializeRotation(const ImuBuffer& imu,
-                                                         const std::vector<RelativeSensorRotation>& rotations,
-                                                         const RotationInitializerParams& params,
-                                                         std::string* reason) {
-  const auto refuse = [reason](const std::string& why) {
-    if (reason != nullptr) *reason = why;
-    return std::nullopt;
-  };
-  const auto pairs = usablePairs(imu, rotations, params.max_time_offset_s);
+std::optional<Turning> observeTurning(const ImuBuffer& imu, const std::vector<RelativeSensorRotation>& rotations,
+                                      const RotationInitializerParams& params, std::string* why) {
+  auto pairs = usablePairs(imu, rotations, params.max_time_offset_s);
   if (static_cast<int>(pairs.size()) < std::max(params.min_pairs, 3)) {
-    if (static_cast<int>(rotations.size()) < std::max(params.min_pairs, 3)) {
-      return refuse(text("only %.0f rotations of the sensor so far: keep moving", double(rotations.size())));
-    }
-    return refuse(text("the imu covers only %.0f of the sensor's rotations: check its rate, and the clocks of both",
-                       double(pairs.size())));
+    *why = static_cast<int>(rotations.size()) < std::max(params.min_pairs, 3)
+               ? text("only %.0f rotations of the sensor so far: keep moving", double(rotations.size()))
+               : text("the imu covers only %.0f of the sensor's rotations: check its rate, and the clocks of both",
+                      double(pairs.size()));
+    return std::nullopt;
   }
-
   TimeNs first = pairs.front().stamp_a, last = pairs.front().stamp_b;
   for (const RelativeSensorRotation& pair : pairs) {
     first = std::min(first, pair.stamp_a);
     last = std::max(last, pair.stamp_b);
   }
   const TimeNs margin = toNs(params.max_time_offset_s);
-  const auto gyro =
+  auto gyro =
       InertialPath::integrate(imu, first - margin, last + margin, Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero());
-  if (!gyro) return refuse("the imu does not cover the sensor's rotations: check the clocks of both");
-
+  if (!gyro) {
+    *why = "the imu does not cover the sensor's rotations: check the clocks of both";
+    return std::nullopt;
+  }
   const RateSpread spread = rateSpread(meanGyroRates(*gyro, pairs, 0.0));
-  if (const std::string why = missingMotion(spread, params); !why.empty()) return refuse(why);
-  const RotationSearch search = searchRotation(*gyro, pairs, params.max_time_offset_s);
-  if (const std::string why = searchDoubt(search, pairs, spread); !why.empty()) return refuse(why);
-  auto result = refineRotation(imu, pairs, search.best);
-  if (!result) return refuse("the imu does not cover the sensor's rotations: check the clocks of both");
-  result->second_singular_value = spread.second_singular;
-  if (const std::string why = resultDoubt(*result, params); !why.empty()) return refuse(why);
+  return Turning{std::move(pairs), std::move(*gyro), spread};
+}
+
+}  // namespace
+
+std::optional<RotationInitialization> initializeRotation(const ImuBuffer& imu,
+                                                         const std::vector<RelativeSensorRotation>& rotations,
+                                                         const RotationInitializerParams& params,
+                                                         std::string* reason) {
+  std::string why;
+  const auto refuse = [reason, &why] {
+    if (reason != nullptr) *reason = why;
+    return std::nullopt;
+  };
+  const auto turning = observeTurning(imu, rotations, params, &why);
+  if (!turning) return refuse();
+  if (why = missingMotion(turning->spread, params); !why.empty()) return refuse();
+  const RotationSearch search = searchRotation(turning->gyro, turning->pairs, params.max_time_offset_s);
+  if (why = searchDoubt(search, turning->pairs, turning->spread); !why.empty()) return refuse();
+  auto result = refineRotation(imu, turning->pairs, search.best);
+  if (!result) {
+    why = "the imu does not cover the sensor's rotations: check the clocks of both";
+    return refuse();
+  }
+  result->second_singular_value = turning->spread.second_singular;
+  if (why = resultDoubt(*result, params); !why.empty()) return refuse();
+  return result;
+}
+
+std::optional<RotationInitialization> rotationFromGuess(const ImuBuffer& imu,
+                                                        const std::vector<RelativeSensorRotation>& rotations,
+                                                        const Eigen::Quaterniond& guess_R_imu_sensor,
+                                                        const RotationInitializerParams& params, std::string* reason) {
+  std::string why;
+  const auto refuse = [reason, &why] {
+    if (reason != nullptr) *reason = why;
+    return std::nullopt;
+  };
+  const auto turning = observeTurning(imu, rotations, params, &why);
+  if (!turning) return refuse();
+  RotationInitializerParams one_axis = params;
+  one_axis.min_singular_value = 0.0;
+  if (why = missingMotion(turning->spread, one_axis); !why.empty()) return refuse();
+  const RotationSearch search = searchRotation(turning->gyro, turning->pairs, params.max_time_offset_s);
+  if (why = searchDoubt(search, turning->pairs, turning->spread); !why.empty()) return refuse();
+
+  RotationInitialization result;
+  result.R_imu_sensor = guess_R_imu_sensor.normalized();
+  result.time_offset_s = search.best.time_offset_s;
+  result.gyro_bias = search.best.gyro_bias;
+  result.median_residual_rad = search.best.residual_rad;
+  result.second_singular_value = turning->spread.second_singular;
   return result;
 }
 

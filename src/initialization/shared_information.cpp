@@ -10,10 +10,20 @@
 
 namespace cocalib {
 
+AlignmentParams AlignmentParams::around(const Eigen::Vector3d& lever_arm_guess) {
+  AlignmentParams params;
+  params.lever_arm_guess = lever_arm_guess;
+  params.lever_arm_prior_m = 0.1;
+  params.max_lever_arm_sigma_m = 2.0 * params.lever_arm_prior_m;  // an axis that nothing but the guess holds is accepted
+  return params;
+}
+
 SharedInformation priorInformation(const AlignmentParams& params) {
   SharedInformation prior;
   prior.H.diagonal().segment<3>(kAccelBiasRow).setConstant(1.0 / (params.accel_bias_sigma * params.accel_bias_sigma));
-  prior.H.diagonal().segment<3>(kLeverRow).setConstant(1.0 / (params.lever_arm_prior_m * params.lever_arm_prior_m));
+  const double lever_information = 1.0 / (params.lever_arm_prior_m * params.lever_arm_prior_m);
+  prior.H.diagonal().segment<3>(kLeverRow).setConstant(lever_information);
+  prior.b.segment<3>(kLeverRow) = lever_information * params.lever_arm_guess;
   return prior;
 }
 

@@ -172,7 +172,7 @@ class VelocityCost {
   GravityChart chart_;
 };
 
-/// Priors of the shared block, each in its own sigma; gravity's direction has none.
+/// Priors of the shared block, each in its own sigma, about zero but for the lever arm; gravity's direction has none.
 class PriorCost {
  public:
   explicit PriorCost(const AlignmentParams& params) {
@@ -181,15 +181,17 @@ class PriorCost {
     sigma_.segment<3>(kGyroBias).setConstant(kGyroBiasPrior);
     sigma_.segment<3>(kMounting).setConstant(kMountingPrior);
     sigma_[kOffset] = kOffsetPrior;
+    centre_.segment<3>(kLever) = params.lever_arm_guess;
   }
   template <typename T>
   bool operator()(const T* shared, T* residual) const {
-    for (int i = kAccelBias; i < kShared; ++i) residual[i - kAccelBias] = shared[i] / T(sigma_[i]);
+    for (int i = kAccelBias; i < kShared; ++i) residual[i - kAccelBias] = (shared[i] - T(centre_[i])) / T(sigma_[i]);
     return true;
   }
 
  private:
   Eigen::Matrix<double, kShared, 1> sigma_ = Eigen::Matrix<double, kShared, 1>::Ones();
+  Eigen::Matrix<double, kShared, 1> centre_ = Eigen::Matrix<double, kShared, 1>::Zero();
 };
 
 class TrackRefiner {

@@ -10,16 +10,17 @@
 
 namespace cocalib {
 
-/// From the pictures' measurements to a first mounting of the camera, without any guess: rotations from the board where it
+/// From the pictures' measurements to a first mounting of the camera: rotations from the board where it
 /// is seen and from tracks elsewhere, then lever arm, gravity and velocities from board poses, or from tracks.
 class CameraExploration {
  public:
   CameraExploration(const CameraModel& camera, const std::optional<BoardGeometry>& board)
       : camera_(camera), board_(board) {}
 
+  /// @param guess_T_imu_camera  stands in for what the motion leaves open; nothing: the motion must show everything
   /// @return nothing while the motion does not determine it; `reason` says why, in words for the user
   std::optional<Alignment> align(const ImuBuffer& imu, const std::vector<VisualKeyframe>& frames,
-                                 std::string* reason) const;
+                                 const std::optional<Pose>& guess_T_imu_camera, std::string* reason) const;
 
  private:
   std::vector<SensorPose> boardPoses(const std::vector<VisualKeyframe>& frames) const;

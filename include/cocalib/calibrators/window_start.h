@@ -6,7 +6,7 @@
 namespace cocalib {
 
 /// Starts a window at the first state of an alignment and lays evenly spaced nodes up to its last one, each
-/// propagated from the alignment's state before it.
+/// propagated from the alignment's state before it. What the motion leaves open is held as the alignment held it.
 void startNodes(const Alignment& alignment, const Calibration& calibration, InertialWindow* window);
 
 }  // namespace cocalib

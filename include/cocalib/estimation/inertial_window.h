@@ -38,6 +38,9 @@ class InertialWindow {
   };
   explicit InertialWindow(const Params& params);
 
+  /// 1 sigma of both sensors' positions about the start [m], from the next reset() on; params' own until then.
+  void setTranslationPrior(double sigma_m) { params_.priors.extrinsic_translation_m = sigma_m; }
+
   /// Starts over with a first node and a start for everything shared. The node fixes position and heading.
   void reset(const NavState& first, const Calibration& calibration, double gravity);
 

@@ -42,4 +42,14 @@ std::optional<RotationInitialization> initializeRotation(const ImuBuffer& imu,
                                                          const RotationInitializerParams& params,
                                                          std::string* reason = nullptr);
 
+/// For motion that leaves the mounting open because all rotations share one axis: the mounting is the guess as it is,
+/// clock offset (to the search's 5 ms) and gyro bias come from the rotations, which need no second axis for them. The
+/// formal sigmas are left at 0.
+/// @return nothing while the rig does not turn at all, or its rates and the sensor's do not agree; `reason` says which
+std::optional<RotationInitialization> rotationFromGuess(const ImuBuffer& imu,
+                                                        const std::vector<RelativeSensorRotation>& rotations,
+                                                        const Eigen::Quaterniond& guess_R_imu_sensor,
+                                                        const RotationInitializerParams& params,
+                                                        std::string* reason = nullptr);
+
 }  // namespace cocalib

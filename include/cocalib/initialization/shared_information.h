@@ -34,7 +34,7 @@ struct SharedInformation {
 
 constexpr int kGravityRow = 0, kAccelBiasRow = 3, kLeverRow = 6;
 
-/// Zero-mean priors of accelerometer bias and lever arm.
+/// Priors of accelerometer bias (about zero) and lever arm (about its guess).
 SharedInformation priorInformation(const AlignmentParams& params);
 
 struct SharedSolution {
