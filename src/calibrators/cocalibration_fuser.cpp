@@ -4,7 +4,6 @@
 #include <cmath>
 #include <deque>
 
-#include "cocalib/calibrators/violations.h"
 #include "cocalib/estimation/inertial_window.h"
 #include "cocalib/estimation/observability.h"
 #include "cocalib/inertial/imu_inbox.h"
@@ -40,17 +39,6 @@ InertialWindow::Params windowParams(const FuserParams& params, const ImuNoise& n
 }
 
 }  // namespace
-
-void FuserParams::validate() const {
-  Violations violations("co-calibration fuser");
-  violations.requireWithin("window_s", window_s, 10.0, 600.0);
-  violations.requireWithin("first_solve_s", first_solve_s, 1.0, 60.0);
-  violations.requireWithin("solve_period_s", solve_period_s, 0.5, 60.0);
-  violations.requireWithin("range_noise_m", range_noise_m, 0.001, 0.5);
-  violations.requireWithin("corner_sigma_px", corner_sigma_px, 0.01, 5.0);
-  violations.requireWithin("track_sigma_px", track_sigma_px, 0.05, 10.0);
-  violations.throwIfAny();
-}
 
 struct CoCalibrationFuser::Impl {
   Impl(const FuserParams& p, const ImuNoise& noise, const FuserInputs& in)
@@ -96,12 +84,21 @@ void CoCalibrationFuser::addVisual(VisualKeyframe keyframe) {
   ++impl_->diagnostics.counts["visual keyframes"];
   impl_->rememberHint(keyframe.state, &impl_->visual_hints);
   impl_->visual.push_back(std::move(keyframe));
+  while (!impl_->started && impl_->visual.back().stamp - impl_->visual.front().stamp > toNs(impl_->params.window_s)) {
+    impl_->visual.pop_front();  // the other sensor has not started for a whole window
+    ++impl_->diagnostics.counts["visual keyframes too old"];
+  }
 }
 
 void CoCalibrationFuser::addLidar(LidarKeyframe keyframe) {
   ++impl_->diagnostics.counts["lidar keyframes"];
   impl_->rememberHint(keyframe.state, &impl_->lidar_hints);
   impl_->lidar.push_back(std::move(keyframe));
+  while (!impl_->started &&
+         impl_->lidar.back().scan.stamp - impl_->lidar.front().scan.stamp > toNs(impl_->params.window_s)) {
+    impl_->lidar.pop_front();
+    ++impl_->diagnostics.counts["lidar keyframes too old"];
+  }
 }
 
 void CoCalibrationFuser::setVisualEstimate(const CalibrationEstimate& estimate) { impl_->visual_start = estimate; }
@@ -109,6 +106,8 @@ void CoCalibrationFuser::setLidarEstimate(const CalibrationEstimate& estimate) {
 
 void CoCalibrationFuser::Impl::rememberHint(const std::optional<NavState>& state, std::deque<NavState>* hints) const {
   if (state && (hints->empty() || state->stamp > hints->back().stamp)) hints->push_back(*state);
+  // Only those after the last node will be asked for.
+  while (started && hints->size() > 1 && (*hints)[1].stamp <= window.state().nodes.back().stamp) hints->pop_front();
 }
 
 bool CoCalibrationFuser::Impl::ready() const {

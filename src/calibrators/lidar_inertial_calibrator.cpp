@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <deque>
 
-#include "cocalib/calibrators/violations.h"
 #include "cocalib/calibrators/window_start.h"
 #include "cocalib/estimation/inertial_window.h"
 #include "cocalib/estimation/observability.h"
@@ -36,16 +35,6 @@ TimeNs endOf(const LidarScan& scan) {
 }
 
 }  // namespace
-
-void LidarInertialParams::validate() const {
-  Violations violations("lidar-inertial calibrator");
-  violations.requireWithin("range_noise_m", range_noise_m, 0.001, 0.5);
-  violations.requireWithin("window_s", window_s, 2.0, 60.0);
-  violations.requireWithin("solve_period_s", solve_period_s, 0.1, 10.0);
-  violations.requireWithin("initialization_s", initialization_s, 3.0, 60.0);
-  violations.requireWithin("max_points", max_points, 500, 200000);
-  violations.throwIfAny();
-}
 
 struct LidarInertialCalibrator::Impl {
   Impl(const LidarInertialParams& p, const ImuNoise& noise, const std::optional<Pose>& g)

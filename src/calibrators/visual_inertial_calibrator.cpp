@@ -4,7 +4,6 @@
 #include <deque>
 
 #include "cocalib/calibrators/camera_exploration.h"
-#include "cocalib/calibrators/violations.h"
 #include "cocalib/calibrators/window_start.h"
 #include "cocalib/estimation/inertial_window.h"
 #include "cocalib/estimation/observability.h"
@@ -26,16 +25,6 @@ constexpr int kIterations = 3;
 constexpr double kRateSlack = 0.9;    // a picture counts as due a little before its time, so that jitter skips none
 
 }  // namespace
-
-void VisualInertialParams::validate() const {
-  Violations violations("visual-inertial calibrator");
-  violations.requireWithin("frame_rate_hz", frame_rate_hz, 5.0, 100.0);
-  violations.requireWithin("track_rate_hz", track_rate_hz, 1.0, frame_rate_hz);
-  violations.requireWithin("window_s", window_s, 2.0, 60.0);
-  violations.requireWithin("solve_period_s", solve_period_s, 0.1, 10.0);
-  violations.requireWithin("initialization_s", initialization_s, 3.0, 60.0);
-  violations.throwIfAny();
-}
 
 struct VisualInertialCalibrator::Impl {
   Impl(const VisualInertialParams& p, const ImuNoise& noise, const CameraModel& model,
