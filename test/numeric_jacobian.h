@@ -22,7 +22,8 @@ Eigen::Matrix<double, N, D> numericJacobian(const X& x, const Plus& plus, const 
 /// The same over a pose's tangent.
 template <int N, typename Residual>
 Eigen::Matrix<double, N, 6> numericPoseJacobian(const Pose& T, const Residual& residual, double step = 1e-6) {
-  return numericJacobian<N, 6>(T, [](const Pose& pose, const Vector6d& d) { return pose.plus(d); }, residual, step);
+  return numericJacobian<N, 6>(
+      T, [](const Pose& pose, const Vector6d& d) { return pose.plus(d); }, residual, step);
 }
 
 }  // namespace cocalib::test

@@ -3,14 +3,13 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <boost/program_options.hpp>
 #include <chrono>
 #include <cstdio>
 #include <exception>
 #include <iostream>
 #include <optional>
 #include <string>
-
-#include <boost/program_options.hpp>
 
 #include "cocalib/io/rig_file.h"
 #include "cocalib/ros/bag_calibration.h"
@@ -80,12 +79,9 @@ Arguments parseArguments(int argc, char** argv) {
   options::variables_map values;
   // Abbreviated options would change their meaning with every option that is added.
   using namespace options::command_line_style;
-  options::store(options::command_line_parser(argc, argv)
-                     .options(all)
-                     .positional({})
-                     .style(unix_style & ~allow_guessing)
-                     .run(),
-                 values);
+  options::store(
+      options::command_line_parser(argc, argv).options(all).positional({}).style(unix_style & ~allow_guessing).run(),
+      values);
   if (values.count("help") != 0) {
     std::cout << all;
     std::exit(0);
@@ -123,7 +119,8 @@ void calibrate(const Arguments& arguments) {
   }
   bar.interrupt();
   cocalib::writeResultFiles(arguments.output, rig, result);
-  std::cout << cocalib::describeResult(rig, result.estimate) << "written: " << arguments.output << "/calibration.yaml\n";
+  std::cout << cocalib::describeResult(rig, result.estimate) << "written: " << arguments.output
+            << "/calibration.yaml\n";
 }
 
 }  // namespace

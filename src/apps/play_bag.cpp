@@ -1,19 +1,19 @@
-/// play_bag: plays the rig's topics of a recording to the nodelets of calibrate.launch. Unlike rosbag play it starts only
-/// when all of them listen, so that nothing is lost, and when the recording ends it has them finish, has the result
-/// written and ends itself.
+/// play_bag: plays the rig's topics of a recording to the nodelets of calibrate.launch. Unlike rosbag play it starts
+/// only when all of them listen, so that nothing is lost, and when the recording ends it has them finish, has the
+/// result written and ends itself.
 
+#include <ros/ros.h>
+#include <rosbag/player.h>
+#include <rosgraph_msgs/Clock.h>
+#include <std_srvs/Trigger.h>
+
+#include <boost/program_options.hpp>
 #include <exception>
 #include <iostream>
 #include <map>
 #include <string>
 #include <utility>
 #include <vector>
-
-#include <boost/program_options.hpp>
-#include <ros/ros.h>
-#include <rosbag/player.h>
-#include <rosgraph_msgs/Clock.h>
-#include <std_srvs/Trigger.h>
 
 #include "cocalib/io/rig_file.h"
 #include "cocalib/ros/bag_input.h"

@@ -8,9 +8,9 @@
 namespace cocalib {
 namespace {
 
-constexpr double kRotationSpan_s = 0.12;     // between the pictures of one relative rotation
+constexpr double kRotationSpan_s = 0.12;  // between the pictures of one relative rotation
 constexpr double kMaxRotationSpan_s = 0.3;
-constexpr double kBoardShare = 0.25;         // of the pictures must show the board for it to carry the alignment
+constexpr double kBoardShare = 0.25;  // of the pictures must show the board for it to carry the alignment
 constexpr std::size_t kMinBoardViews = 30;
 constexpr double kBoardPositionSigma_m = 0.01;
 
@@ -86,8 +86,8 @@ std::optional<Alignment> CameraExploration::align(const ImuBuffer& imu, const st
 }
 
 VisualKeyframe thinTracks(const VisualKeyframe& frame, double rate_hz) {
-  // A function of the stamp alone, so that calibrator and fuser agree: of every 1 / rate, the first 60 ms (one picture at
-  // 16.7 Hz, every third of 50) keep their tracks.
+  // A function of the stamp alone, so that calibrator and fuser agree: of every 1 / rate, the first 60 ms (one picture
+  // at 16.7 Hz, every third of 50) keep their tracks.
   constexpr TimeNs kOnePicture = 60000000;
   VisualKeyframe out = frame;
   const TimeNs period = toNs(1.0 / rate_hz);

@@ -71,7 +71,8 @@ struct CoCalibrationFuser::Impl {
   CalibratorDiagnostics diagnostics;
 };
 
-CoCalibrationFuser::CoCalibrationFuser(const FuserParams& params, const ImuNoise& imu_noise, const FuserInputs& inputs) {
+CoCalibrationFuser::CoCalibrationFuser(const FuserParams& params, const ImuNoise& imu_noise,
+                                       const FuserInputs& inputs) {
   params.validate();
   impl_ = std::make_unique<Impl>(params, imu_noise, inputs);
   reset();
@@ -147,8 +148,8 @@ bool CoCalibrationFuser::wantsSolve() const {
 
 NavState CoCalibrationFuser::Impl::hintAt(TimeNs stamp) const {
   const std::deque<NavState>& all = hints();
-  const auto after = std::upper_bound(all.begin(), all.end(), stamp,
-                                      [](TimeNs t, const NavState& s) { return t < s.stamp; });
+  const auto after =
+      std::upper_bound(all.begin(), all.end(), stamp, [](TimeNs t, const NavState& s) { return t < s.stamp; });
   const NavState& hint = after == all.begin() ? all.front() : *std::prev(after);
   std::vector<ImuSample> samples = window.imu().slice(hint.stamp, stamp);
   if (samples.size() < 2) return hint;

@@ -13,13 +13,13 @@
 namespace cocalib {
 namespace {
 
-constexpr double kFirstTry_s = 4.0;         // of odometry, before the first attempt at a mounting
+constexpr double kFirstTry_s = 4.0;  // of odometry, before the first attempt at a mounting
 constexpr double kTryPeriod_s = 1.0;
-constexpr double kGuessShare = 0.8;         // of initialization_s without success, before the guess stands in
+constexpr double kGuessShare = 0.8;  // of initialization_s without success, before the guess stands in
 constexpr double kStartSlacks_m[] = {0.15, 0.05, 0.02, 0.0};
 constexpr int kStartIterations = 6;
 constexpr int kIterations = 2;
-constexpr double kMapSpacing_s = 0.5;       // between the sweeps that make up the published map
+constexpr double kMapSpacing_s = 0.5;  // between the sweeps that make up the published map
 
 std::shared_ptr<const LidarScan> subsample(const LidarScan& scan, int max_points) {
   auto out = std::make_shared<LidarScan>();

@@ -17,19 +17,24 @@ namespace {
 constexpr double kFirstTry_s = 3.0;  // of pictures, before the first attempt at a mounting
 constexpr double kTryPeriod_s = 1.0;
 constexpr double kGuessShare = 0.8;  // of initialization_s without success, before the guess stands in
-// A search costs as much as twenty tracked pictures; once the window predicts the board there is nothing left to search.
+// A search costs as much as twenty tracked pictures; once the window predicts the board there is nothing left to
+// search.
 constexpr double kSearchPeriod_s = 0.8;
 constexpr int kStartRounds = 3;
 constexpr int kStartIterations = 8;
 constexpr int kIterations = 3;
-constexpr double kRateSlack = 0.9;    // a picture counts as due a little before its time, so that jitter skips none
+constexpr double kRateSlack = 0.9;  // a picture counts as due a little before its time, so that jitter skips none
 
 }  // namespace
 
 struct VisualInertialCalibrator::Impl {
   Impl(const VisualInertialParams& p, const ImuNoise& noise, const CameraModel& model,
        const std::optional<BoardGeometry>& b, const std::optional<Pose>& g)
-      : params(p), guess(g), camera(model), board(b), tracker(model, FeatureTracker::Params()),
+      : params(p),
+        guess(g),
+        camera(model),
+        board(b),
+        tracker(model, FeatureTracker::Params()),
         window(windowParams(noise, model, b)) {
     if (board) {
       BoardDetector::Params detection;
@@ -66,8 +71,8 @@ struct VisualInertialCalibrator::Impl {
   ImuInbox inbox;
   bool started = false;
   std::optional<TimeNs> last_image, last_tracks;
-  std::deque<ImageFrame> images;          // that wait for inertial data
-  std::deque<VisualKeyframe> explored;    // before the start, newest initialization_s
+  std::deque<ImageFrame> images;        // that wait for inertial data
+  std::deque<VisualKeyframe> explored;  // before the start, newest initialization_s
   std::optional<TimeNs> last_try;
   std::deque<VisualKeyframe> waiting, unreported;
   TimeNs last_solve = 0;
@@ -76,8 +81,7 @@ struct VisualInertialCalibrator::Impl {
 };
 
 VisualInertialCalibrator::VisualInertialCalibrator(const VisualInertialParams& params, const ImuNoise& imu_noise,
-                                                   const CameraModel& camera,
-                                                   const std::optional<BoardGeometry>& board,
+                                                   const CameraModel& camera, const std::optional<BoardGeometry>& board,
                                                    const std::optional<Pose>& guess_T_imu_camera) {
   params.validate();
   impl_ = std::make_unique<Impl>(params, imu_noise, camera, board, guess_T_imu_camera);

@@ -11,8 +11,7 @@ namespace cocalib {
 
 /// Quadratics over camera poses, summed over all features before they are scattered to the states.
 struct CameraGroup::Sums {
-  explicit Sums(std::size_t frames)
-      : H(frames, Matrix6d::Zero()), b(frames, Vector6d::Zero()), pairs(frames) {}
+  explicit Sums(std::size_t frames) : H(frames, Matrix6d::Zero()), b(frames, Vector6d::Zero()), pairs(frames) {}
   const std::vector<TimedSensorPose>* poses = nullptr;
   std::vector<Matrix6d> H;
   std::vector<Vector6d> b;
@@ -53,8 +52,8 @@ std::vector<TimedSensorPose> CameraGroup::cameraPoses(const WindowState& state, 
   poses.reserve(frames_.size());
   for (const Frame& frame : frames_) {
     poses.push_back(timedSensorPose(chain.segment(frame.node), state.nodes[static_cast<std::size_t>(frame.node)],
-                               state.gravity, state.calibration.T_imu_camera, state.calibration.camera_time_offset_s,
-                               frame.stamp));
+                                    state.gravity, state.calibration.T_imu_camera,
+                                    state.calibration.camera_time_offset_s, frame.stamp));
   }
   return poses;
 }
@@ -71,9 +70,8 @@ void CameraGroup::relink(const WindowState& state, const InertialChain& chain) {
 }
 
 bool CameraGroup::touches(const Landmark& landmark, int end_node) const {
-  return std::any_of(landmark.observations.begin(), landmark.observations.end(), [&](const Observation& o) {
-    return frames_[static_cast<std::size_t>(o.frame)].node < end_node;
-  });
+  return std::any_of(landmark.observations.begin(), landmark.observations.end(),
+                     [&](const Observation& o) { return frames_[static_cast<std::size_t>(o.frame)].node < end_node; });
 }
 
 void CameraGroup::accumulate(const WindowState& state, const InertialChain& chain, int end_node, ChainSystem* system) {
@@ -145,8 +143,8 @@ void CameraGroup::dropFront(int end_node) {
   for (auto it = newest_of_.begin(); it != newest_of_.end();) {
     it = landmarks_.count(it->second) == 0 ? newest_of_.erase(it) : std::next(it);
   }
-  const auto first_kept = std::find_if(frames_.begin(), frames_.end(),
-                                       [&](const Frame& frame) { return frame.node >= end_node; });
+  const auto first_kept =
+      std::find_if(frames_.begin(), frames_.end(), [&](const Frame& frame) { return frame.node >= end_node; });
   const int dropped = static_cast<int>(first_kept - frames_.begin());
   frames_.erase(frames_.begin(), first_kept);
   for (Frame& frame : frames_) frame.node -= end_node;
@@ -207,8 +205,8 @@ void CameraGroup::triangulate(Landmark* landmark, const std::vector<TimedSensorP
 void CameraGroup::gate(Landmark* landmark, const std::vector<TimedSensorPose>& poses) const {
   const Eigen::Vector3d p_W = landmarkPoint(landmark->T_W_A, landmark->uv_rho);
   for (Observation& o : landmark->observations) {
-    const auto f = reprojection(poses[static_cast<std::size_t>(o.frame)].T_W_S, p_W, o.px, params_.track_sigma_px,
-                                params_.camera);
+    const auto f =
+        reprojection(poses[static_cast<std::size_t>(o.frame)].T_W_S, p_W, o.px, params_.track_sigma_px, params_.camera);
     // Far off now may be fine after the next step: the gate is wide, and an observation may come back.
     o.used = f && f->r.norm() < 4.0 * params_.gate_sigmas;
   }

@@ -1,9 +1,8 @@
 #include "cocalib/estimation/chain_system.h"
 
+#include <Eigen/Cholesky>
 #include <cmath>
 #include <numeric>
-
-#include <Eigen/Cholesky>
 
 namespace cocalib {
 namespace {

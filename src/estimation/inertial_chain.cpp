@@ -32,8 +32,8 @@ void InertialChain::update(const std::vector<NavState>& nodes, const ImuBuffer& 
       samples = {*imu.at(from), *imu.at(from)};
       samples.back().stamp += toNs(1e-3);
     }
-    segment = std::make_shared<const Preintegration>(std::move(samples), noise_, nodes[k].gyro_bias,
-                                                     nodes[k].accel_bias);
+    segment =
+        std::make_shared<const Preintegration>(std::move(samples), noise_, nodes[k].gyro_bias, nodes[k].accel_bias);
   }
 }
 

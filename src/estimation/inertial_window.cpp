@@ -1,17 +1,17 @@
 #include "cocalib/estimation/inertial_window.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <thread>
-
-#include <Eigen/Eigenvalues>
 
 #include "cocalib/visual/board_detector.h"
 
 namespace cocalib {
 namespace {
 
-constexpr double kGaugeSigma = 1e-4;      // position [m] and heading [rad] of the first node: fixed, nothing depends on them
+constexpr double kGaugeSigma =
+    1e-4;  // position [m] and heading [rad] of the first node: fixed, nothing depends on them
 constexpr double kUnknownOutline = 0.05;  // m, 1 sigma, where the rig file gives no plate size
 constexpr double kMaxLambda = 1e8;
 
@@ -81,8 +81,8 @@ void InertialWindow::startBoard() {
   if (!T_C_B) return;
   const TimeNs stamp = view->first + toNs(state_.calibration.camera_time_offset_s);
   const int node = nodeAt(state_.nodes, stamp);
-  const TimedPose imu = timedPose(chain_.segment(node), state_.nodes[static_cast<std::size_t>(node)], state_.gravity,
-                                  stamp);
+  const TimedPose imu =
+      timedPose(chain_.segment(node), state_.nodes[static_cast<std::size_t>(node)], state_.gravity, stamp);
   state_.T_W_B = imu.T_W_I * state_.calibration.T_imu_camera * *T_C_B;
   board_known_ = true;
 }
@@ -97,7 +97,8 @@ void InertialWindow::relink(bool rebuild_planes, double slack_m) {
   if (rebuild_planes && !prior_) {
     constexpr std::size_t kMapPoints = 2000000;  // enough for sub-millimetre planes, a fraction of a second
     plane_map_.clear();
-    const auto total = static_cast<std::size_t>(lidar_->scans()) * std::max<std::size_t>(1, lidar_->scan(0).points.size());
+    const auto total =
+        static_cast<std::size_t>(lidar_->scans()) * std::max<std::size_t>(1, lidar_->scan(0).points.size());
     lidar_->fillMap(state_, chain_, 0, static_cast<int>(total / kMapPoints) + 1, &plane_map_);
     plane_map_.extract();
     state_.planes = plane_map_.planes();
@@ -124,8 +125,8 @@ void InertialWindow::addPriors(const WindowState& state, ChainSystem* system) co
     }
     addDiagonalPrior(system, block + 6, d[block + 6], prior.time_offset_s);
   }
-  const bool plate_given = params_.camera && params_.camera->board && params_.camera->board->width_m &&
-                           params_.camera->board->height_m;
+  const bool plate_given =
+      params_.camera && params_.camera->board && params_.camera->board->width_m && params_.camera->board->height_m;
   for (int i = 0; i < 4; ++i) {
     addDiagonalPrior(system, Layout::kOutline + i, d[Layout::kOutline + i],
                      plate_given ? prior.outline_m : kUnknownOutline);
@@ -224,8 +225,7 @@ InertialWindow::Summary InertialWindow::optimize(int max_iterations) {
 }
 
 bool InertialWindow::calibrationCovariance(Matrix14d* covariance) {
-  ChainSystem system(static_cast<int>(state_.nodes.size()),
-                     GlobalLayout::size(static_cast<int>(state_.planes.size())));
+  ChainSystem system(static_cast<int>(state_.nodes.size()), GlobalLayout::size(static_cast<int>(state_.planes.size())));
   build(state_, -1, &system);
   Eigen::MatrixXd H;
   Eigen::VectorXd b;

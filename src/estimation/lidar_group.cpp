@@ -13,7 +13,7 @@ namespace {
 
 TimedSensorPose lidarPose(const WindowState& state, const InertialChain& chain, int node, TimeNs stamp) {
   return timedSensorPose(chain.segment(node), state.nodes[static_cast<std::size_t>(node)], state.gravity,
-                    state.calibration.T_imu_lidar, state.calibration.lidar_time_offset_s, stamp);
+                         state.calibration.T_imu_lidar, state.calibration.lidar_time_offset_s, stamp);
 }
 
 int lidarNode(const WindowState& state, TimeNs stamp) {
@@ -78,8 +78,8 @@ void LidarGroup::accumulateEdge(const WindowState& state, const InertialChain& c
                                 ChainSystem* system) const {
   constexpr int kL = GlobalLayout::kLidar, kB = GlobalLayout::kBoard;
   const TimedSensorPose pose = lidarPose(state, chain, edge.node, edge.stamp);
-  const auto f = boardEdge(pose.T_W_S, state.T_W_B, edge.bearing_L, edge.outline / 2, state.outline[edge.outline],
-                           edge.sigma_m);
+  const auto f =
+      boardEdge(pose.T_W_S, state.T_W_B, edge.bearing_L, edge.outline / 2, state.outline[edge.outline], edge.sigma_m);
   if (!f) return;
   // A crossing beside a wrong neighbour (a ring's first point, a thin obstacle) must not pull.
   const RobustWeight robust = huber(f->r * f->r, 2.0);
@@ -136,7 +136,8 @@ int LidarGroup::boardPoints() const {
 
 namespace {
 
-/// Times of a sweep's points cut into bins of equal length: begin and end index of each, for sweeps in order of time or not.
+/// Times of a sweep's points cut into bins of equal length: begin and end index of each, for sweeps in order of time or
+/// not.
 struct BinnedPoint {
   int bin;
   int index;
@@ -153,7 +154,8 @@ std::vector<BinnedPoint> sortIntoBins(const LidarScan& scan, double bin_s) {
   return binned;
 }
 
-/// Moves a point seen dt after (before: dt < 0) the pose's time to that time: the static point in the moving lidar frame.
+/// Moves a point seen dt after (before: dt < 0) the pose's time to that time: the static point in the moving lidar
+/// frame.
 Eigen::Vector3d deskew(const Eigen::Vector3f& p, double dt, const Eigen::Vector3d& v_L, const Eigen::Vector3d& w_L) {
   const Eigen::Vector3d point = p.cast<double>();
   return point + dt * (w_L.cross(point) + v_L);
@@ -221,11 +223,12 @@ std::optional<BoardSegment> LidarGroup::findBoard(const WindowState& state, cons
   const Pose T_L_W = lidarPose(state, chain, lidarNode(state, middle), middle).T_W_S.inverse();
   std::vector<Eigen::Vector3f> points_L(scan.raw->points.size());
   forEachBin(state, chain, *scan.raw,
-             [&](TimeNs, int, const TimedSensorPose& pose, const auto& point, const BinnedPoint* binned, std::size_t begin,
-                 std::size_t end) {
+             [&](TimeNs, int, const TimedSensorPose& pose, const auto& point, const BinnedPoint* binned,
+                 std::size_t begin, std::size_t end) {
                const Pose T_M_L = T_L_W * pose.T_W_S;
                for (std::size_t k = begin; k < end; ++k) {
-                 points_L[static_cast<std::size_t>(binned[k - begin].index)] = Eigen::Vector3d(T_M_L * point(k)).cast<float>();
+                 points_L[static_cast<std::size_t>(binned[k - begin].index)] =
+                     Eigen::Vector3d(T_M_L * point(k)).cast<float>();
                }
              });
   // The board's pose is as uncertain as the estimate; at 3 m a centimetre is about 3 mrad.
@@ -245,8 +248,8 @@ void LidarGroup::linkScan(const WindowState& state, const InertialChain& chain, 
   }
   const Plane board_W = boardPlane(state.T_W_B);
   const double floor2 = params_.noise_floor_m * params_.noise_floor_m;
-  const auto addBin = [&](TimeNs stamp, int node, const TimedSensorPose& pose, const auto& point, const BinnedPoint* binned,
-                          std::size_t begin, std::size_t end) {
+  const auto addBin = [&](TimeNs stamp, int node, const TimedSensorPose& pose, const auto& point,
+                          const BinnedPoint* binned, std::size_t begin, std::size_t end) {
     Bin bin;
     bin.stamp = stamp;
     bin.node = node;
@@ -275,7 +278,8 @@ void LidarGroup::linkScan(const WindowState& state, const InertialChain& chain, 
         ++bin.board_points;
       } else {
         label = static_cast<std::int16_t>(plane);
-        auto entry = std::find_if(bin.planes.begin(), bin.planes.end(), [&](const auto& e) { return e.first == plane; });
+        auto entry =
+            std::find_if(bin.planes.begin(), bin.planes.end(), [&](const auto& e) { return e.first == plane; });
         if (entry == bin.planes.end()) entry = bin.planes.insert(entry, {plane, Eigen::Matrix4d::Zero()});
         moment = &entry->second;
         scan->square_m2 += distance * distance;

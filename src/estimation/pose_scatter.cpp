@@ -7,9 +7,10 @@ namespace {
 
 constexpr int kG = GlobalLayout::kGravity;
 
-/// Adds X at (rows of the calibration and gravity) x (the same) of the dense globals, for a cross term that stands once:
-/// X = [calibration; gravity]^T H [calibration; gravity] of two poses, plus its transpose.
-void addGlobalPair(const TimedSensorPose& a, const TimedSensorPose& b, int column, const Matrix6d& H, ChainSystem* system) {
+/// Adds X at (rows of the calibration and gravity) x (the same) of the dense globals, for a cross term that stands
+/// once: X = [calibration; gravity]^T H [calibration; gravity] of two poses, plus its transpose.
+void addGlobalPair(const TimedSensorPose& a, const TimedSensorPose& b, int column, const Matrix6d& H,
+                   ChainSystem* system) {
   Eigen::Matrix<double, 6, 8> J_a, J_b;
   J_a << a.J_calibration, a.J_gravity;
   J_b << b.J_calibration, b.J_gravity;
@@ -49,8 +50,8 @@ void scatterPoseGlobal(const TimedSensorPose& pose, int node, int column, const 
   G.block(other_column, kG, m, 1) += gravity.transpose();
 }
 
-void scatterPosePair(const TimedSensorPose& a, int node_a, const TimedSensorPose& b, int node_b, int column, const Matrix6d& H,
-                     ChainSystem* system) {
+void scatterPosePair(const TimedSensorPose& a, int node_a, const TimedSensorPose& b, int node_b, int column,
+                     const Matrix6d& H, ChainSystem* system) {
   const Eigen::Matrix<double, 15, 6> JtH_a = a.J_state.transpose() * H;
   const Eigen::Matrix<double, 15, 6> JtH_b = b.J_state.transpose() * H.transpose();
   const Matrix15d block = JtH_a * b.J_state;

@@ -1,8 +1,7 @@
 #include "cocalib/factors/imu_factor.h"
 
-#include <cmath>
-
 #include <Eigen/Cholesky>
+#include <cmath>
 
 namespace cocalib {
 
@@ -28,8 +27,7 @@ ImuFactor::ImuFactor(const Preintegration& segment, const ImuNoise& noise) : seg
   covariance.diagonal().head<3>().array() += 1e-14;
   covariance.diagonal().segment<3>(3).array() += 1e-16;
   covariance.diagonal().tail<3>().array() += 1e-14;
-  const Eigen::Matrix<double, 9, 9> information =
-      covariance.llt().solve(Eigen::Matrix<double, 9, 9>::Identity());
+  const Eigen::Matrix<double, 9, 9> information = covariance.llt().solve(Eigen::Matrix<double, 9, 9>::Identity());
 
   sqrt_information_.setZero();
   sqrt_information_.topLeftCorner<9, 9>() = Eigen::Matrix<double, 9, 9>(information.llt().matrixU());

@@ -2,8 +2,8 @@
 
 namespace cocalib {
 
-TimedSensorPose timedSensorPose(const Preintegration& segment, const NavState& start, double gravity, const Pose& T_imu_sensor,
-                      double time_offset_s, TimeNs sensor_stamp) {
+TimedSensorPose timedSensorPose(const Preintegration& segment, const NavState& start, double gravity,
+                                const Pose& T_imu_sensor, double time_offset_s, TimeNs sensor_stamp) {
   const TimedPose imu = timedPose(segment, start, gravity, sensor_stamp + toNs(time_offset_s));
   const Eigen::Matrix3d R_W_I = imu.T_W_I.R();
   const Eigen::Vector3d lever_W = R_W_I * T_imu_sensor.t;

@@ -1,10 +1,9 @@
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
 #include <limits>
-
-#include <Eigen/Cholesky>
 
 #include "cocalib/geometry/so3.h"
 #include "cocalib/initialization/alignment.h"
@@ -15,14 +14,14 @@
 namespace cocalib {
 namespace {
 
-constexpr double kGravity = 9.80665;         // standard; on Earth it differs by less than 0.03
-constexpr double kGravityTolerance = 0.1;    // [m/s^2] beyond three sigma: 9.7 to 9.9
-constexpr double kVelocityPrior = 10.0;      // [m/s], keeps a chunk of two poses finite
+constexpr double kGravity = 9.80665;       // standard; on Earth it differs by less than 0.03
+constexpr double kGravityTolerance = 0.1;  // [m/s^2] beyond three sigma: 9.7 to 9.9
+constexpr double kVelocityPrior = 10.0;    // [m/s], keeps a chunk of two poses finite
 constexpr double kCauchySigmas = 2.5;
 constexpr int kReweightings = 8;
 constexpr std::size_t kFewestPoses = 15;
 constexpr double kShortest_s = 3.0;
-constexpr double kMostResiduals = 5.0;       // times the stated position noise
+constexpr double kMostResiduals = 5.0;        // times the stated position noise
 constexpr double kFarthestUncovered_s = 0.5;  // that states may lie outside the IMU's data
 
 using Vector6 = Eigen::Matrix<double, 6, 1>;
@@ -118,8 +117,7 @@ class PoseAlignment {
 
  private:
   PositionEquation equation(std::size_t c, const SensorPose& pose) const {
-    const InertialIncrement increment =
-        attitude_.chunks[c].path.at(pose.stamp + toNs(attitude_.time_offset_s));
+    const InertialIncrement increment = attitude_.chunks[c].path.at(pose.stamp + toNs(attitude_.time_offset_s));
     const Eigen::Matrix3d R_M_chunk = attitude_.R_M_chunk[c].toRotationMatrix();
     PositionEquation result{c, increment.time_s, pose.T_M_S.t - R_M_chunk * increment.p, {}};
     result.J_shared.middleCols<3>(kGravityRow) =
@@ -155,8 +153,7 @@ class PoseAlignment {
     for (std::size_t i = 0; i < equations_.size(); ++i) {
       const PositionEquation& row = equations_[i];
       const Vector6& start = starts_[row.chunk];
-      lengths[i] =
-          (row.known - start.head<3>() - row.time_s * start.tail<3>() - row.J_shared * solution_.x).norm();
+      lengths[i] = (row.known - start.head<3>() - row.time_s * start.tail<3>() - row.J_shared * solution_.x).norm();
     }
     measured_sigma_ = medianOf(lengths) / kMedianLength3;
     sigma_ = std::max(params_.position_sigma_m, measured_sigma_);
@@ -218,7 +215,8 @@ std::string doubt(const PoseAlignment& alignment, const AlignmentParams& params)
   if (std::abs(gravity - kGravity) > kGravityTolerance + 3.0 * alignment.freeSolution().gravitySigma()) {
     return text("gravity comes out as %.2f m/s^2: check the accelerometer's unit and scale", gravity);
   }
-  if (alignment.worstLeverSigma() > params.max_lever_arm_sigma_m) return missingLeverMotion(alignment.leverCovariance());
+  if (alignment.worstLeverSigma() > params.max_lever_arm_sigma_m)
+    return missingLeverMotion(alignment.leverCovariance());
   return {};
 }
 

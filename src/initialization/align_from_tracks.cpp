@@ -50,9 +50,10 @@ std::string doubt(const TrackSolution& solution) {
   double speed = 0.0;
   for (const Eigen::Vector3d& v : solution.velocities) speed += v.squaredNorm() / double(solution.velocities.size());
   if (solution.worst_velocity_sigma > std::max(kMaxVelocitySigma, kMaxVelocityShare * std::sqrt(speed))) {
-    return text("the scale is not determined yet (speed known to %.2f m/s only): shift the camera more briskly, "
-                "speeding up and slowing down",
-                solution.worst_velocity_sigma);
+    return text(
+        "the scale is not determined yet (speed known to %.2f m/s only): shift the camera more briskly, "
+        "speeding up and slowing down",
+        solution.worst_velocity_sigma);
   }
   return {};
 }

@@ -1,9 +1,8 @@
 #include "cocalib/initialization/attitude_fit.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <limits>
-
-#include <Eigen/Cholesky>
 
 #include "cocalib/geometry/so3.h"
 #include "cocalib/initialization/robust.h"
@@ -16,7 +15,7 @@ constexpr double kCauchySigmas = 2.0;
 constexpr double kSmallestSigma_rad = 1e-4;
 constexpr double kDrift_rad = 2e-3;  // of a sensor's map, and of the gyro, from chunk to chunk
 // Weak priors about the start: they hold what a short or one-sided motion does not show.
-constexpr double kBiasPrior = 0.03;       // [rad/s]
+constexpr double kBiasPrior = 0.03;  // [rad/s]
 constexpr double kMountingPrior_rad = 0.03;
 constexpr double kOffsetPrior_s = 0.01;
 

@@ -1,11 +1,10 @@
 #include "cocalib/initialization/rotation_initializer.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
-
-#include <Eigen/Eigenvalues>
 
 #include "cocalib/initialization/inertial_path.h"
 #include "cocalib/initialization/rotation_search.h"
@@ -13,13 +12,13 @@
 namespace cocalib {
 namespace {
 
-constexpr double kMaxImuGap_s = 0.05;          // 50 Hz, the slowest IMU that is accepted, misses one sample
-constexpr double kMinRateSpread = 0.05;        // [rad/s]: below, noise of the sensor's rotations hides the motion
-constexpr double kFastRate = 0.3;              // [rad/s]: turning, though evenly
+constexpr double kMaxImuGap_s = 0.05;    // 50 Hz, the slowest IMU that is accepted, misses one sample
+constexpr double kMinRateSpread = 0.05;  // [rad/s]: below, noise of the sensor's rotations hides the motion
+constexpr double kFastRate = 0.3;        // [rad/s]: turning, though evenly
 constexpr double kMaxRotationSigma_rad = 0.02;
 constexpr double kMaxOffsetSigma_s = 0.015;
-constexpr double kMinLogLikelihood = 10.0;     // by which the best offset must beat another valley
-constexpr double kMaxUnexplained = 0.6;        // of the gyro's own variation
+constexpr double kMinLogLikelihood = 10.0;  // by which the best offset must beat another valley
+constexpr double kMaxUnexplained = 0.6;     // of the gyro's own variation
 
 std::string text(const char* format, double value) {
   std::array<char, 256> buffer{};
@@ -44,9 +43,9 @@ std::vector<RelativeSensorRotation> usablePairs(const ImuBuffer& imu,
 /// How the IMU turned: spread of its rates about their mean, by principal axes.
 struct RateSpread {
   Eigen::Vector3d mean;
-  double rms = 0.0;                 ///< about the mean [rad/s]
-  double second_singular = 0.0;     ///< of the normalised scatter: 0 one axis only, 0.58 all alike
-  Eigen::Vector3d main_axis;        ///< in the IMU frame
+  double rms = 0.0;              ///< about the mean [rad/s]
+  double second_singular = 0.0;  ///< of the normalised scatter: 0 one axis only, 0.58 all alike
+  Eigen::Vector3d main_axis;     ///< in the IMU frame
 };
 
 RateSpread rateSpread(const std::vector<Eigen::Vector3d>& rates) {
@@ -77,7 +76,8 @@ std::string axisName(const Eigen::Vector3d& axis) {
 std::string missingMotion(const RateSpread& spread, const RotationInitializerParams& params) {
   if (spread.rms < kMinRateSpread) {
     if (spread.mean.norm() > kFastRate) {
-      return "the rotation rate is constant, which leaves the clock offset unknown: vary the speed and the axis of rotation";
+      return "the rotation rate is constant, which leaves the clock offset unknown: vary the speed and the axis of "
+             "rotation";
     }
     return text("the rig hardly turns (%.3f rad/s): rotate it back and forth about at least two axes", spread.rms);
   }
@@ -93,9 +93,10 @@ std::string searchDoubt(const RotationSearch& search, const std::vector<Relative
   double mean_duration = 0.0;
   for (const auto& pair : pairs) mean_duration += toSeconds(pair.stamp_b - pair.stamp_a) / double(pairs.size());
   if (search.best.residual_rad > kMaxUnexplained * spread.rms * mean_duration) {
-    return text("rotations of sensor and gyro do not agree at any clock offset (median difference %.4f rad): "
-                "check topics and stamps, and move so that the sensor tracks well",
-                search.best.residual_rad);
+    return text(
+        "rotations of sensor and gyro do not agree at any clock offset (median difference %.4f rad): "
+        "check topics and stamps, and move so that the sensor tracks well",
+        search.best.residual_rad);
   }
   if (search.runner_up_residual_rad) {
     const double gain = static_cast<double>(pairs.size()) *
@@ -115,7 +116,8 @@ std::string resultDoubt(const RotationInitialization& result, const RotationInit
                 result.time_offset_s);
   }
   if (result.rotation_sigma_rad > kMaxRotationSigma_rad) {
-    return text("the mounting rotation is known to %.3f rad only: rotate more, about two axes", result.rotation_sigma_rad);
+    return text("the mounting rotation is known to %.3f rad only: rotate more, about two axes",
+                result.rotation_sigma_rad);
   }
   if (result.time_offset_sigma_s > kMaxOffsetSigma_s) {
     return text("the clock offset is known to %.3f s only: vary the speed of rotation", result.time_offset_sigma_s);
@@ -164,8 +166,7 @@ std::optional<Turning> observeTurning(const ImuBuffer& imu, const std::vector<Re
 
 std::optional<RotationInitialization> initializeRotation(const ImuBuffer& imu,
                                                          const std::vector<RelativeSensorRotation>& rotations,
-                                                         const RotationInitializerParams& params,
-                                                         std::string* reason) {
+                                                         const RotationInitializerParams& params, std::string* reason) {
   std::string why;
   const auto refuse = [reason, &why] {
     if (reason != nullptr) *reason = why;

@@ -1,8 +1,7 @@
-#include <algorithm>
-#include <cmath>
-
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
 
 #include "cocalib/geometry/so3.h"
 #include "cocalib/initialization/robust.h"
@@ -39,8 +38,7 @@ PairResidual evaluatePair(const InertialPath& gyro, const RelativeSensorRotation
   result.r = logSo3(gyro_a_b.conjugate() * sensor_a_b);
   // X -> Exp(d) X: sensor_a_b -> sensor_a_b Exp((sensor_a_b^T - I) d).
   const Eigen::Matrix3d right = inverseLeftJacobianSo3(-result.r);
-  result.J.leftCols<3>() =
-      right * (sensor_a_b.conjugate().toRotationMatrix() - Eigen::Matrix3d::Identity());
+  result.J.leftCols<3>() = right * (sensor_a_b.conjugate().toRotationMatrix() - Eigen::Matrix3d::Identity());
   // gyro_a_b -> gyro_a_b Exp(phi) with phi from bias and offset at both ends.
   const Eigen::Matrix3d left = inverseLeftJacobianSo3(result.r);
   result.J.middleCols<3>(3) = -left * (b.R_bg - G_t * a.R_bg);
@@ -181,7 +179,8 @@ std::optional<RotationInitialization> refineRotation(const ImuBuffer& imu,
   // Chains overlap. If their residuals grow like those of a random walk, as many of them as one chain is long say the
   // same thing; if they do not grow, each says something new.
   const double growth = from_chains->median_residual_rad / std::max(from_pairs->median_residual_rad, 1e-9);
-  const double repeats = std::clamp(growth * growth, 1.0, std::max(1.0, meanDuration(chains) / meanDuration(rotations)));
+  const double repeats =
+      std::clamp(growth * growth, 1.0, std::max(1.0, meanDuration(chains) / meanDuration(rotations)));
   from_chains->rotation_sigma_rad *= std::sqrt(repeats);
   from_chains->time_offset_sigma_s *= std::sqrt(repeats);
   from_chains->median_residual_rad = from_pairs->median_residual_rad;

@@ -1,9 +1,8 @@
 #include "cocalib/initialization/rotation_search.h"
 
+#include <Eigen/SVD>
 #include <cmath>
 #include <limits>
-
-#include <Eigen/SVD>
 
 #include "cocalib/geometry/so3.h"
 #include "cocalib/initialization/robust.h"

@@ -1,12 +1,11 @@
 #include "cocalib/initialization/shared_information.h"
 
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
-
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 
 namespace cocalib {
 
@@ -14,7 +13,8 @@ AlignmentParams AlignmentParams::around(const Eigen::Vector3d& lever_arm_guess) 
   AlignmentParams params;
   params.lever_arm_guess = lever_arm_guess;
   params.lever_arm_prior_m = 0.1;
-  params.max_lever_arm_sigma_m = 2.0 * params.lever_arm_prior_m;  // an axis that nothing but the guess holds is accepted
+  params.max_lever_arm_sigma_m =
+      2.0 * params.lever_arm_prior_m;  // an axis that nothing but the guess holds is accepted
   return params;
 }
 
@@ -88,8 +88,8 @@ std::string missingLeverMotion(const Eigen::Matrix3d& lever_covariance) {
   eigen.eigenvectors().col(2).cwiseAbs().maxCoeff(&axis);
   std::array<char, 160> buffer{};
   std::snprintf(buffer.data(), buffer.size(),
-                "translation along imu %c is known to %.2f m only: rotate back and forth about imu %c or %c", "xyz"[axis],
-                std::sqrt(std::max(0.0, eigen.eigenvalues()[2])), "yzx"[axis], "zxy"[axis]);
+                "translation along imu %c is known to %.2f m only: rotate back and forth about imu %c or %c",
+                "xyz"[axis], std::sqrt(std::max(0.0, eigen.eigenvalues()[2])), "yzx"[axis], "zxy"[axis]);
   return buffer.data();
 }
 

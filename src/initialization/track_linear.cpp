@@ -1,7 +1,6 @@
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-
-#include <Eigen/Cholesky>
 
 #include "cocalib/initialization/robust.h"
 #include "cocalib/initialization/track_alignment.h"
@@ -11,10 +10,10 @@ namespace {
 
 constexpr int kReweightings = 8;
 constexpr double kCauchySigmas = 2.0;
-constexpr double kNearest_m = 0.2;            // depth below which a landmark is not believed
+constexpr double kNearest_m = 0.2;  // depth below which a landmark is not believed
 constexpr double kSmallestSigma_rad = 2e-4;
-constexpr double kVelocityPrior = 10.0;       // [m/s]
-constexpr double kBehindWeight = 1e-2;        // of a sight whose landmark came out behind the camera
+constexpr double kVelocityPrior = 10.0;  // [m/s]
+constexpr double kBehindWeight = 1e-2;   // of a sight whose landmark came out behind the camera
 
 using Matrix3x12 = Eigen::Matrix<double, 3, 12>;
 using Vector12 = Eigen::Matrix<double, 12, 1>;
@@ -29,7 +28,9 @@ struct CameraPosition {
 class LinearTracks {
  public:
   LinearTracks(TrackProblem& problem, const AlignmentParams& params)
-      : problem_(problem), prior_(priorInformation(params)), depths_(problem.tracks.size()),
+      : problem_(problem),
+        prior_(priorInformation(params)),
+        depths_(problem.tracks.size()),
         weights_(problem.tracks.size()) {
     for (std::size_t f = 0; f < problem.increments.size(); ++f) positions_.push_back(positionOf(f));
     for (std::size_t k = 0; k < problem.tracks.size(); ++k) {
@@ -133,8 +134,8 @@ class LinearTracks {
       const Eigen::LDLT<Eigen::Matrix3d> ldlt(chunk.H.topLeftCorner<3, 3>());
       const Eigen::Matrix<double, 3, 9> slope = -ldlt.solve(chunk.H.topRightCorner<3, 9>());
       solution_.velocities.push_back(ldlt.solve(chunk.b.head<3>()) + slope * solution_.shared.x);
-      const Eigen::Matrix3d covariance = ldlt.solve(Eigen::Matrix3d::Identity()).eval() +
-                                         slope * solution_.shared.covariance * slope.transpose();
+      const Eigen::Matrix3d covariance =
+          ldlt.solve(Eigen::Matrix3d::Identity()).eval() + slope * solution_.shared.covariance * slope.transpose();
       const double sigma = std::sqrt(std::max(0.0, covariance.diagonal().maxCoeff()));
       solution_.worst_velocity_sigma = std::max(solution_.worst_velocity_sigma, sigma);
     }
@@ -177,7 +178,7 @@ class LinearTracks {
 
   TrackProblem& problem_;
   SharedInformation prior_;
-  std::vector<CameraPosition> positions_;    ///< of each frame
+  std::vector<CameraPosition> positions_;     ///< of each frame
   std::vector<std::vector<double>> depths_;   ///< of each sight of each track [m]
   std::vector<std::vector<double>> weights_;  ///< robust
   double sigma_ = 2e-3;                       ///< of a bearing [rad]

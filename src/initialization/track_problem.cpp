@@ -8,10 +8,10 @@ namespace cocalib {
 namespace {
 
 constexpr std::size_t kFewestSights = 4;
-constexpr std::size_t kMostSights = 10;          // of one track in one chunk; more add time, not information
+constexpr std::size_t kMostSights = 10;  // of one track in one chunk; more add time, not information
 constexpr std::size_t kMostTracksPerChunk = 40;
 constexpr std::size_t kFewestTracksPerChunk = 8;
-constexpr double kMinParallax_rad = 0.015;       // ten times a bearing's noise: its depth is not made of noise
+constexpr double kMinParallax_rad = 0.015;  // ten times a bearing's noise: its depth is not made of noise
 
 /// Orientation at every chunk's start, by the gyro.
 void chainOrientations(TrackProblem& problem) {
@@ -102,7 +102,8 @@ std::optional<TrackProblem> makeTrackProblem(const ImuBuffer& imu, const Rotatio
     problem.tracks.insert(problem.tracks.end(), tracks.begin(), tracks.end());
   }
   if (problem.tracks.size() < kFewestTracksPerChunk * problem.chunks.size()) {
-    reason = "too few features show parallax: shift the camera, not only turn it, with structure nearer than 5 m in view";
+    reason =
+        "too few features show parallax: shift the camera, not only turn it, with structure nearer than 5 m in view";
     return std::nullopt;
   }
   return problem;

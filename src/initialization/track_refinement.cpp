@@ -1,9 +1,9 @@
+#include <ceres/ceres.h>
+
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
 #include <cmath>
-
-#include <Eigen/Cholesky>
-#include <ceres/ceres.h>
 
 #include "cocalib/geometry/so3.h"
 #include "cocalib/initialization/track_alignment.h"
@@ -93,19 +93,24 @@ class SightCost {
  public:
   SightCost(const TrackProblem& problem, const ChunkTrack& track, std::size_t sight, const GravityChart& chart,
             double sigma_rad)
-      : anchor_(problem, track.sights.front().frame), camera_(problem, track.sights[sight].frame),
-        R_I_C_(problem.R_imu_camera.toRotationMatrix()), anchor_bearing_(track.sights.front().bearing_C),
-        anchor_basis_(tangentBasis(anchor_bearing_)), bearing_(track.sights[sight].bearing_C),
-        basis_(tangentBasis(bearing_)), chart_(chart), inv_sigma_(1.0 / sigma_rad) {}
+      : anchor_(problem, track.sights.front().frame),
+        camera_(problem, track.sights[sight].frame),
+        R_I_C_(problem.R_imu_camera.toRotationMatrix()),
+        anchor_bearing_(track.sights.front().bearing_C),
+        anchor_basis_(tangentBasis(anchor_bearing_)),
+        bearing_(track.sights[sight].bearing_C),
+        basis_(tangentBasis(bearing_)),
+        chart_(chart),
+        inv_sigma_(1.0 / sigma_rad) {}
 
   template <typename T>
   bool operator()(const T* velocity, const T* shared, const T* landmark, T* residual) const {
     const Vector3<T> mounting = Eigen::Map<const Vector3<T>>(shared + kMounting);
-    const Vector3<T> ray_C = anchor_bearing_.cast<T>() + anchor_basis_.cast<T>() *
-                                                             Eigen::Map<const Eigen::Matrix<T, 2, 1>>(landmark);
+    const Vector3<T> ray_C =
+        anchor_bearing_.cast<T>() + anchor_basis_.cast<T>() * Eigen::Map<const Eigen::Matrix<T, 2, 1>>(landmark);
     const Vector3<T> ray_I = rotateSmall<T>(mounting, R_I_C_.cast<T>() * ray_C);
-    const Vector3<T> shift = anchor_.cameraPosition(shared, velocity, chart_) -
-                             camera_.cameraPosition(shared, velocity, chart_);
+    const Vector3<T> shift =
+        anchor_.cameraPosition(shared, velocity, chart_) - camera_.cameraPosition(shared, velocity, chart_);
     const Vector3<T> ray_G = anchor_.toG<T>(shared, ray_I) + landmark[2] * shift;
     // Components of the ray along the measured bearing and across it, all taken to G.
     const auto along = [&](const Eigen::Vector3d& axis_C) {
@@ -151,7 +156,8 @@ class VelocityCost {
  public:
   VelocityCost(const TrackProblem& problem, std::size_t chunk, const GravityChart& chart)
       : camera_(problem, problem.chunks[chunk].begin),
-        whole_(problem.chunks[chunk].path.at(problem.chunks[chunk + 1].path.start())), chart_(chart) {}
+        whole_(problem.chunks[chunk].path.at(problem.chunks[chunk + 1].path.start())),
+        chart_(chart) {}
 
   template <typename T>
   bool operator()(const T* velocity, const T* next_velocity, const T* shared, T* residual) const {
@@ -228,8 +234,8 @@ class TrackRefiner {
       const ChunkTrack& track = problem_.tracks[k];
       const CameraModelAtFrame anchor(problem_, track.sights.front().frame);
       const Eigen::Vector3d p_C = anchor.cameraPosition(shared_.data(), velocities_[track.chunk].data(), chart_);
-      const double depth = (track.X_G - p_C).dot(problem_.R_G_C(track.sights.front().frame) *
-                                                 track.sights.front().bearing_C);
+      const double depth =
+          (track.X_G - p_C).dot(problem_.R_G_C(track.sights.front().frame) * track.sights.front().bearing_C);
       landmarks_[k] = {0.0, 0.0, depth > 0.0 ? 1.0 / std::clamp(depth, 0.3, kFarthest_m) : 1.0 / kFarthest_m};
     }
   }
@@ -301,7 +307,8 @@ class TrackRefiner {
     solution.shared.x.segment<3>(kAccelBiasRow) = Eigen::Map<const Eigen::Vector3d>(shared_.data() + kAccelBias);
     solution.shared.x.segment<3>(kLeverRow) = Eigen::Map<const Eigen::Vector3d>(shared_.data() + kLever);
     solution.shared.covariance.setZero();
-    solution.shared.covariance.block<6, 6>(kAccelBiasRow, kAccelBiasRow) = covariance.block<6, 6>(kAccelBias, kAccelBias);
+    solution.shared.covariance.block<6, 6>(kAccelBiasRow, kAccelBiasRow) =
+        covariance.block<6, 6>(kAccelBias, kAccelBias);
     solution.velocities = velocities_;
     const Eigen::Index velocities = information.rows() - kShared;
     solution.worst_velocity_sigma = std::sqrt(std::max(0.0, covariance.diagonal().tail(velocities).maxCoeff()));

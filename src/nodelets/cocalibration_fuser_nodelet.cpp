@@ -1,10 +1,10 @@
+#include <nodelet/nodelet.h>
+#include <std_msgs/String.h>
+
 #include <exception>
 #include <memory>
-#include <string>
-
-#include <nodelet/nodelet.h>
 #include <pluginlib/class_list_macros.hpp>
-#include <std_msgs/String.h>
+#include <string>
 
 #include "cocalib/ros/camera_model_source.h"
 #include "cocalib/ros/fusion_session.h"
@@ -37,12 +37,11 @@ class CoCalibrationFuserNodelet : public nodelet::Nodelet {
     FusionSession* session = session_.get();
 
     // Subscribe last: callbacks use everything above.
-    subscribers_ = {
-        nh.subscribe(rig_.imu.topic, 5000, &FusionSession::addImu, session),
-        nh.subscribe("visual_inertial/keyframes", 500, &FusionSession::addVisual, session),
-        nh.subscribe("lidar_inertial/keyframes", 200, &FusionSession::addLidar, session),
-        nh.subscribe("visual_inertial/estimate", 20, &FusionSession::setVisualEstimate, session),
-        nh.subscribe("lidar_inertial/estimate", 20, &FusionSession::setLidarEstimate, session)};
+    subscribers_ = {nh.subscribe(rig_.imu.topic, 5000, &FusionSession::addImu, session),
+                    nh.subscribe("visual_inertial/keyframes", 500, &FusionSession::addVisual, session),
+                    nh.subscribe("lidar_inertial/keyframes", 200, &FusionSession::addLidar, session),
+                    nh.subscribe("visual_inertial/estimate", 20, &FusionSession::setVisualEstimate, session),
+                    nh.subscribe("lidar_inertial/estimate", 20, &FusionSession::setLidarEstimate, session)};
     if (rig_.camera) {
       subscribers_.push_back(subscribeImages(
           nh, rig_.camera->topic, [session](const sensor_msgs::ImageConstPtr& msg) { session->addImage(msg); },

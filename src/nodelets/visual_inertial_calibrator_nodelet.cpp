@@ -1,9 +1,9 @@
+#include <nodelet/nodelet.h>
+
 #include <exception>
 #include <memory>
-#include <vector>
-
-#include <nodelet/nodelet.h>
 #include <pluginlib/class_list_macros.hpp>
+#include <vector>
 
 #include "cocalib/ros/camera_model_source.h"
 #include "cocalib/ros/camera_pipeline.h"

@@ -1,16 +1,16 @@
 #include "cocalib/ros/bag_calibration.h"
 
+#include <sensor_msgs/CompressedImage.h>
+#include <sensor_msgs/Image.h>
+#include <sensor_msgs/Imu.h>
+#include <sensor_msgs/PointCloud2.h>
+
 #include <algorithm>
 #include <future>
 #include <optional>
 #include <stdexcept>
 #include <utility>
 #include <vector>
-
-#include <sensor_msgs/CompressedImage.h>
-#include <sensor_msgs/Image.h>
-#include <sensor_msgs/Imu.h>
-#include <sensor_msgs/PointCloud2.h>
 
 #include "cocalib/ros/camera_pipeline.h"
 #include "cocalib/ros/fuser_pipeline.h"
@@ -49,8 +49,13 @@ void append(std::vector<Keyframe> more, std::vector<Keyframe>* all) {
 
 struct BagCalibration::Impl {
   Impl(const RigConfig& r, BagInput* in, Listener l)
-      : rig(r), input(*in), listener(std::move(l)), camera_model(in->cameraModel()), fuser(rig, camera_model),
-        scenes(rig, SceneCollector::Keep::kSpread), next(input.view().begin()) {
+      : rig(r),
+        input(*in),
+        listener(std::move(l)),
+        camera_model(in->cameraModel()),
+        fuser(rig, camera_model),
+        scenes(rig, SceneCollector::Keep::kSpread),
+        next(input.view().begin()) {
     if (camera_model) camera.emplace(rig, *camera_model);
     if (rig.lidar) lidar.emplace(rig);
   }
@@ -151,10 +156,12 @@ bool BagCalibration::Impl::runFuser(Slice* slice) {
   bool changed = false;
   std::size_t v = 0, l = 0;
   while (v < slice->visual.size() || l < slice->lidar.size()) {
-    const bool take_visual = l == slice->lidar.size() ||
-                             (v < slice->visual.size() && slice->visual[v].stamp <= slice->lidar[l].scan.stamp);
-    if (take_visual) fuser.addVisual(std::move(slice->visual[v++]));
-    else fuser.addLidar(std::move(slice->lidar[l++]));
+    const bool take_visual =
+        l == slice->lidar.size() || (v < slice->visual.size() && slice->visual[v].stamp <= slice->lidar[l].scan.stamp);
+    if (take_visual)
+      fuser.addVisual(std::move(slice->visual[v++]));
+    else
+      fuser.addLidar(std::move(slice->lidar[l++]));
     if (!fuser.fuser().wantsSolve() || !fuser.fuser().solve()) continue;
     changed = true;
     log.add(fuser.fuser().estimate());
@@ -197,8 +204,8 @@ void BagCalibration::Impl::checkInput(bool at_end) {
   };
   if (lidar && (at_end || lidar->notices().counted("clouds") >= kJudgeAfterClouds)) {
     if (const std::optional<std::string> problem = lidar->inputProblem()) {
-      throw std::runtime_error(input.bag().getFileName() + ": " + *problem + "; check the driver, or lidar: min_range, " +
-                               "max_range and point_time in " + rig.file);
+      throw std::runtime_error(input.bag().getFileName() + ": " + *problem +
+                               "; check the driver, or lidar: min_range, " + "max_range and point_time in " + rig.file);
     }
   }
   if (!at_end) return;

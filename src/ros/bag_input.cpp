@@ -1,14 +1,14 @@
 #include "cocalib/ros/bag_input.h"
 
-#include <algorithm>
-#include <map>
-#include <stdexcept>
-
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/CompressedImage.h>
 #include <sensor_msgs/Image.h>
 #include <sensor_msgs/Imu.h>
 #include <sensor_msgs/PointCloud2.h>
+
+#include <algorithm>
+#include <map>
+#include <stdexcept>
 
 #include "cocalib/ros/camera_info.h"
 
@@ -62,17 +62,16 @@ std::string BagInput::findTopic(const std::string& name, const std::vector<std::
   for (const Topic& topic : in_bag_) {
     if (withoutSlash(topic.name) == withoutSlash(name)) {
       if (isWanted(topic)) return topic.name;
-      throw std::runtime_error(file_ + ": topic " + name + " is of type " + topic.type + ", " + rig_.file + " needs a " +
-                               types.front() + " there; correct " + part);
+      throw std::runtime_error(file_ + ": topic " + name + " is of type " + topic.type + ", " + rig_.file +
+                               " needs a " + types.front() + " there; correct " + part);
     }
     if (isWanted(topic)) candidates += (candidates.empty() ? "" : ", ") + topic.name;
   }
-  throw std::runtime_error(
-      file_ + ": no topic " + name + "; " +
-      (candidates.empty() ? "no other topic of type " + types.front() + " either; take that part out of " + rig_.file +
-                                " or another bag"
-                          : "of type " + types.front() + " it has " + candidates + "; correct " + part + " in " +
-                                rig_.file));
+  throw std::runtime_error(file_ + ": no topic " + name + "; " +
+                           (candidates.empty() ? "no other topic of type " + types.front() +
+                                                     " either; take that part out of " + rig_.file + " or another bag"
+                                               : "of type " + types.front() + " it has " + candidates + "; correct " +
+                                                     part + " in " + rig_.file));
 }
 
 void BagInput::findSensorTopics() {
@@ -87,7 +86,8 @@ void BagInput::findSensorTopics() {
 void BagInput::openSection(double start_s, std::optional<double> duration_s) {
   const std::vector<std::string> wanted = topics();
   rosbag::View whole(bag_, rosbag::TopicQuery(wanted));
-  if (whole.size() == 0) throw std::runtime_error(file_ + ": the bag holds no message of the rig's topics; record again");
+  if (whole.size() == 0)
+    throw std::runtime_error(file_ + ": the bag holds no message of the rig's topics; record again");
   const double length_s = (whole.getEndTime() - whole.getBeginTime()).toSec();
   if (start_s > length_s) {
     throw std::runtime_error(file_ + ": the bag is " + std::to_string(length_s) + " s long; choose an earlier --start");

@@ -1,22 +1,21 @@
 #include "cocalib/ros/board_size_check.h"
 
 #include <algorithm>
-
 #include <opencv2/calib3d.hpp>
 
 namespace cocalib {
 namespace {
 
 constexpr TimeNs kPeriodNs = 1'000'000'000;
-constexpr int kAgreeing = 3;   // pictures that must say the same
+constexpr int kAgreeing = 3;        // pictures that must say the same
 constexpr float kBorder_px = 8.0F;  // a corner nearer to the border than this is not found
-constexpr int kMostLooks = 30; // after that there is no board in this recording
+constexpr int kMostLooks = 30;      // after that there is no board in this recording
 
 /// Longer side first: which side is which depends on how the board is held.
 cv::Size sorted(int a, int b) { return {std::max(a, b), std::min(a, b)}; }
 
-/// Whether a further row of corners all around would have been in the picture. A board cut by the picture's border shows fewer
-/// corners than it has, and says nothing of its size.
+/// Whether a further row of corners all around would have been in the picture. A board cut by the picture's border
+/// shows fewer corners than it has, and says nothing of its size.
 bool isWhole(const cv::Mat& corners, const cv::Size& grid, const cv::Size& picture) {
   const auto at = [&](int row, int col) { return corners.at<cv::Point2f>(row * grid.width + col); };
   const auto inside = [&](const cv::Point2f& p) {
@@ -37,8 +36,8 @@ bool isWhole(const cv::Mat& corners, const cv::Size& grid, const cv::Size& pictu
 /// Inner corners of any chessboard of at least 3 x 3 in the picture that is not just a part of `expected`.
 std::optional<cv::Size> findAnyBoard(const cv::Mat& gray, const cv::Size& expected) {
   cv::Mat corners, cells;
-  const bool found = cv::findChessboardCornersSB(gray, {3, 3}, corners,
-                                                 cv::CALIB_CB_LARGER | cv::CALIB_CB_EXHAUSTIVE, cells);
+  const bool found =
+      cv::findChessboardCornersSB(gray, {3, 3}, corners, cv::CALIB_CB_LARGER | cv::CALIB_CB_EXHAUSTIVE, cells);
   if (!found || cells.rows < 3 || cells.cols < 3) return std::nullopt;
   const cv::Size size = sorted(cells.cols, cells.rows);
   const bool may_be_part = size.width <= expected.width && size.height <= expected.height;

@@ -1,9 +1,9 @@
 #include "cocalib/ros/camera_model_source.h"
 
-#include <utility>
-
 #include <ros/console.h>
 #include <ros/master.h>
+
+#include <utility>
 
 #include "cocalib/ros/camera_info.h"
 

@@ -57,8 +57,8 @@ bool CameraPipeline::isTooSoon(TimeNs stamp) const {
 bool CameraPipeline::fitsModel(const cv::Mat& gray) {
   if (gray.cols == width_ && gray.rows == height_) return true;
   notices_.count("images of another size");
-  const std::string sizes = std::to_string(gray.cols) + " x " + std::to_string(gray.rows) + ", the camera model is for " +
-                            std::to_string(width_) + " x " + std::to_string(height_);
+  const std::string sizes = std::to_string(gray.cols) + " x " + std::to_string(gray.rows) +
+                            ", the camera model is for " + std::to_string(width_) + " x " + std::to_string(height_);
   rig_problem_ = rig_file_ + ": pictures on " + topic_ + " are " + sizes + "; correct camera resolution and intrinsics";
   notices_.warn(*rig_problem_);
   return false;

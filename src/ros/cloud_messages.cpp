@@ -1,9 +1,9 @@
 #include "cocalib/ros/cloud_messages.h"
 
-#include <cstddef>
+#include <sensor_msgs/point_cloud2_iterator.h>
 
 #include <boost/make_shared.hpp>
-#include <sensor_msgs/point_cloud2_iterator.h>
+#include <cstddef>
 
 #include "cocalib/ros/conversions.h"
 

@@ -56,8 +56,10 @@ Pose fromPoseMsg(const geometry_msgs::Pose& msg) {
   const Eigen::Quaterniond q(msg.orientation.w, msg.orientation.x, msg.orientation.y, msg.orientation.z);
   const double length = q.norm();
   // Leave a unit quaternion bit for bit as it is, so that a round trip changes nothing.
-  if (std::abs(length - 1.0) < 1e-12) T_A_B.q = q;
-  else if (length > 1e-6) T_A_B.q = q.normalized();
+  if (std::abs(length - 1.0) < 1e-12)
+    T_A_B.q = q;
+  else if (length > 1e-6)
+    T_A_B.q = q.normalized();
   return T_A_B;
 }
 

@@ -18,7 +18,8 @@ __attribute__((format(printf, 1, 2))) std::string format(const char* pattern, ..
 
 /// Fixed-axis roll, pitch, yaw [rad]: R = Rz(yaw) Ry(pitch) Rx(roll).
 Eigen::Vector3d rollPitchYaw(const Eigen::Matrix3d& R) {
-  return {std::atan2(R(2, 1), R(2, 2)), std::atan2(-R(2, 0), std::hypot(R(2, 1), R(2, 2))), std::atan2(R(1, 0), R(0, 0))};
+  return {std::atan2(R(2, 1), R(2, 2)), std::atan2(-R(2, 0), std::hypot(R(2, 1), R(2, 2))),
+          std::atan2(R(1, 0), R(0, 0))};
 }
 
 std::string describeTransform(const std::string& name, const Pose& T, const SensorVerdict& verdict) {
@@ -29,8 +30,8 @@ std::string describeTransform(const std::string& name, const Pose& T, const Sens
   std::string text = "  " + name + "\n";
   text += format("    translation      %10.4f %10.4f %10.4f m     +- %7.2f %7.2f %7.2f mm\n", T.t.x(), T.t.y(), T.t.z(),
                  1e3 * s[0], 1e3 * s[1], 1e3 * s[2]);
-  text += format("    roll pitch yaw   %10.3f %10.3f %10.3f deg   +- %7.3f %7.3f %7.3f deg\n", rpy.x(), rpy.y(), rpy.z(),
-                 kDeg * s[3], kDeg * s[4], kDeg * s[5]);
+  text += format("    roll pitch yaw   %10.3f %10.3f %10.3f deg   +- %7.3f %7.3f %7.3f deg\n", rpy.x(), rpy.y(),
+                 rpy.z(), kDeg * s[3], kDeg * s[4], kDeg * s[5]);
   return text;
 }
 
@@ -59,7 +60,8 @@ const char* meaningOf(Status status) {
     case Status::kInsufficientData:
       break;
   }
-  return "the data are not enough for a calibration: longer recordings, all sensors at their normal rates, more rotation";
+  return "the data are not enough for a calibration: longer recordings, all sensors at their normal rates, more "
+         "rotation";
 }
 
 }  // namespace

@@ -1,8 +1,8 @@
 #include "cocalib/ros/diagnostics_publisher.h"
 
-#include <utility>
-
 #include <diagnostic_msgs/DiagnosticStatus.h>
+
+#include <utility>
 
 namespace cocalib {
 namespace {

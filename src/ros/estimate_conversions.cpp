@@ -135,8 +135,7 @@ CalibrationEstimate fromExtrinsicMsg(const ExtrinsicEstimate& msg, SensorPart pa
   (camera ? estimate.calibration.camera_time_offset_s : estimate.calibration.lidar_time_offset_s) = msg.time_offset;
   (camera ? estimate.camera : estimate.lidar) = toVerdict(msg);
   const Eigen::Map<const Vector7d> offset_covariance(msg.time_offset_covariance.data());
-  estimate.covariance.block<6, 6>(place.pose, place.pose) =
-      Eigen::Map<const RowMajor6d>(msg.pose.covariance.data());
+  estimate.covariance.block<6, 6>(place.pose, place.pose) = Eigen::Map<const RowMajor6d>(msg.pose.covariance.data());
   estimate.covariance.block<6, 1>(place.pose, place.offset) = offset_covariance.head<6>();
   estimate.covariance.block<1, 6>(place.offset, place.pose) = offset_covariance.head<6>().transpose();
   estimate.covariance(place.offset, place.offset) = offset_covariance[6];

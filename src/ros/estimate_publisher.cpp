@@ -1,9 +1,9 @@
 #include "cocalib/ros/estimate_publisher.h"
 
-#include <vector>
+#include <geometry_msgs/TransformStamped.h>
 
 #include <boost/make_shared.hpp>
-#include <geometry_msgs/TransformStamped.h>
+#include <vector>
 
 #include "cocalib/ros/conversions.h"
 

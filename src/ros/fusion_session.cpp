@@ -1,9 +1,9 @@
 #include "cocalib/ros/fusion_session.h"
 
+#include <ros/console.h>
+
 #include <exception>
 #include <utility>
-
-#include <ros/console.h>
 
 #include "cocalib/ros/conversions.h"
 #include "cocalib/ros/keyframe_conversions.h"
@@ -161,8 +161,7 @@ void FusionSession::publish() {
   const CalibrationEstimate estimate = pipeline_.fuser().estimate();
   const CalibratorDiagnostics diagnostics = pipeline_.diagnostics();
   publisher_.publish(estimate, diagnostics);
-  const std::string words =
-      diagnostics.stage + (diagnostics.message.empty() ? "" : "\n" + diagnostics.message);
+  const std::string words = diagnostics.stage + (diagnostics.message.empty() ? "" : "\n" + diagnostics.message);
   display_.setEstimate(estimate, words, pipeline_.fuser().boardPose());
   publishDiagnostics();
 }
@@ -171,8 +170,8 @@ void FusionSession::publishDiagnostics() {
   DiagnosticsPublisher::Values values;
   values["worst latency [s]"] = worker_.takeWorstLatency();
   CalibratorDiagnostics diagnostics = pipeline_.diagnostics();
-  for (const auto& [lane, name] : {std::pair<Lane, const char*>{kImu, "imu"}, {kVisual, "visual keyframes"},
-                                   {kLidar, "lidar keyframes"}}) {
+  for (const auto& [lane, name] :
+       {std::pair<Lane, const char*>{kImu, "imu"}, {kVisual, "visual keyframes"}, {kLidar, "lidar keyframes"}}) {
     values[std::string(name) + " waiting"] = static_cast<double>(worker_.waiting(lane));
     diagnostics.counts[std::string(name) + " dropped in queue"] = worker_.dropped(lane);
   }

@@ -1,8 +1,9 @@
 #include "cocalib/ros/live_display.h"
 
-#include <boost/make_shared.hpp>
 #include <cv_bridge/cv_bridge.h>
 #include <sensor_msgs/Image.h>
+
+#include <boost/make_shared.hpp>
 
 #include "cocalib/ros/conversions.h"
 #include "cocalib/ros/marker_messages.h"

@@ -1,9 +1,8 @@
 #include "cocalib/ros/marker_messages.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-
-#include <Eigen/Eigenvalues>
 
 #include "cocalib/ros/conversions.h"
 
@@ -57,8 +56,7 @@ void addEllipsoid(const std::string& name, const std::string& frame, const Eigen
   Eigen::Matrix3d R = solver.eigenvectors();
   if (R.determinant() < 0.0) R.col(0) = -R.col(0);
   Marker ellipsoid = makeMarker(name + " position, 3 sigma", Marker::SPHERE, frame, {Eigen::Quaterniond(R), centre});
-  const Eigen::Vector3d diameters =
-      (6.0 * solver.eigenvalues().cwiseMax(0.0).cwiseSqrt()).cwiseMax(kLeastEllipsoidM);
+  const Eigen::Vector3d diameters = (6.0 * solver.eigenvalues().cwiseMax(0.0).cwiseSqrt()).cwiseMax(kLeastEllipsoidM);
   ellipsoid.scale = toVectorMsg(diameters);
   ellipsoid.color.r = ellipsoid.color.g = 1.0F;
   ellipsoid.color.a = 0.5F;

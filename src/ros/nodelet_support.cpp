@@ -1,9 +1,9 @@
 #include "cocalib/ros/nodelet_support.h"
 
-#include <stdexcept>
-
 #include <ros/console.h>
 #include <ros/init.h>
+
+#include <stdexcept>
 
 #include "cocalib/io/rig_file.h"
 #include "cocalib/ros/camera_model_source.h"
@@ -60,8 +60,10 @@ ros::ServiceServer advertiseTrigger(ros::NodeHandle nh, const std::string& name,
 
 void logNotices(Notices* notices) {
   for (const Notice& notice : notices->take()) {
-    if (notice.warning) ROS_WARN("%s", notice.text.c_str());
-    else ROS_INFO("%s", notice.text.c_str());
+    if (notice.warning)
+      ROS_WARN("%s", notice.text.c_str());
+    else
+      ROS_INFO("%s", notice.text.c_str());
   }
 }
 

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-
 #include <opencv2/imgproc.hpp>
 
 namespace cocalib {
@@ -65,9 +64,7 @@ class MotionAroundPicture {
     velocity_ = q_image_state * (scene.state->T_W_I.q.conjugate() * scene.state->v_W);
   }
 
-  Pose T_image_at(TimeNs stamp) const {
-    return {gyro_.rotation(stamp), velocity_ * toSeconds(stamp - image_time_)};
-  }
+  Pose T_image_at(TimeNs stamp) const { return {gyro_.rotation(stamp), velocity_ * toSeconds(stamp - image_time_)}; }
 
  private:
   TimeNs image_time_;

@@ -3,11 +3,10 @@
 #include <unistd.h>
 
 #include <filesystem>
+#include <opencv2/imgcodecs.hpp>
 #include <stdexcept>
 #include <system_error>
 #include <vector>
-
-#include <opencv2/imgcodecs.hpp>
 
 #include "cocalib/io/result_file.h"
 

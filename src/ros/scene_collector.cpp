@@ -14,9 +14,9 @@ namespace {
 
 constexpr std::size_t kMostSpread = 12, kMostNewest = 6;
 constexpr TimeNs kSpreadPeriodNs = 1'000'000'000, kNewestPeriodNs = 450'000'000;
-constexpr TimeNs kImuAroundNs = 400'000'000;   // covers a sweep that begins a sweep before the picture, and offsets
-constexpr TimeNs kPairNs = 150'000'000;        // picture and sweep belong together up to here
-constexpr TimeNs kStateNs = 100'000'000;       // a state this near gives velocity and biases
+constexpr TimeNs kImuAroundNs = 400'000'000;  // covers a sweep that begins a sweep before the picture, and offsets
+constexpr TimeNs kPairNs = 150'000'000;       // picture and sweep belong together up to here
+constexpr TimeNs kStateNs = 100'000'000;      // a state this near gives velocity and biases
 
 }  // namespace
 
@@ -33,8 +33,10 @@ void SceneCollector::addImu(const sensor_msgs::Imu& msg) {
   const std::optional<ImuSample> sample = readImu(msg, nullptr);
   if (!sample) return;
   if (!recent_imu_.empty() && sample->stamp <= recent_imu_.back().stamp) {
-    if (sample->stamp < recent_imu_.back().stamp - 1'000'000'000) clear();  // the clock was set back
-    else return;
+    if (sample->stamp < recent_imu_.back().stamp - 1'000'000'000)
+      clear();  // the clock was set back
+    else
+      return;
   }
   recent_imu_.push_back(*sample);
   while (recent_imu_.back().stamp - recent_imu_.front().stamp > kImuAroundNs) recent_imu_.pop_front();

@@ -45,8 +45,8 @@ struct LidarRun {
 };
 
 TEST(LidarInertialCalibrator, StartsFromNothingInAnyMounting) {
-  for (const Eigen::Vector3d& rpy : {Eigen::Vector3d(0.16, 0.16, 0.16), Eigen::Vector3d(3.1, 0.1, -0.2),
-                                     Eigen::Vector3d(1.6, 0.0, 0.8)}) {
+  for (const Eigen::Vector3d& rpy :
+       {Eigen::Vector3d(0.16, 0.16, 0.16), Eigen::Vector3d(3.1, 0.1, -0.2), Eigen::Vector3d(1.6, 0.0, 0.8)}) {
     sim::Scenario s;
     s.duration_s = 10.0;
     s.lidar.mounting_rpy = rpy;

@@ -1,9 +1,9 @@
 #include "cocalib/estimation/chain_system.h"
 
-#include <random>
+#include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
-#include <gtest/gtest.h>
+#include <random>
 
 namespace cocalib {
 namespace {

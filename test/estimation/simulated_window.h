@@ -21,8 +21,11 @@ class SimulatedWindow {
     bool corners = false, tracks = false, lidar = false;
   };
   SimulatedWindow(const sim::Scenario& scenario, const Use& use)
-      : scenario_(scenario), scene_(scenario), trajectory_(scenario),
-        random_(scenario.seed, sim::Random::Stream::kTexture, 77), window_(params(scenario, use)) {
+      : scenario_(scenario),
+        scene_(scenario),
+        trajectory_(scenario),
+        random_(scenario.seed, sim::Random::Stream::kTexture, 77),
+        window_(params(scenario, use)) {
     for (const ImuSample& sample : sim::simulateImu(scenario_, trajectory_)) window_.imu().push(sample);
     truth_.T_imu_camera = scenario.camera.T_imu_camera();
     truth_.T_imu_lidar = scenario.lidar.T_imu_lidar();
@@ -32,7 +35,8 @@ class SimulatedWindow {
     start.camera_time_offset_s = 0.002;
     start.lidar_time_offset_s = -0.002;
     window_.reset(noisyState(trajectory_.stampOf(0.02)), start, 9.80665);
-    for (double t = 0.07; t < scenario.duration_s - 0.02; t += 0.05) window_.addNode(noisyState(trajectory_.stampOf(t)));
+    for (double t = 0.07; t < scenario.duration_s - 0.02; t += 0.05)
+      window_.addNode(noisyState(trajectory_.stampOf(t)));
     if (use.corners || use.tracks) addFrames(use);
     for (int k = 1; use.lidar && k < sim::scanCount(scenario) - 1; ++k) {
       window_.addScan(std::make_shared<LidarScan>(sim::simulateScan(scenario_, scene_, trajectory_, k).scan));

@@ -52,14 +52,13 @@ TEST(ImuFactor, JacobiansMatchCentralDifferences) {
   const NavState j = plus(propagate(segment, i, 9.81, segment.end()), off);
   const auto move = [](const NavState& s, const Vector15d& d) { return plus(s, d); };
   const ImuResidual f = factor.evaluate(i, j, 9.81);
-  const Matrix15d over_i = test::numericJacobian<15, 15>(
-      i, move, [&](const NavState& s) { return factor.evaluate(s, j, 9.81).r; });
-  const Matrix15d over_j = test::numericJacobian<15, 15>(
-      j, move, [&](const NavState& s) { return factor.evaluate(i, s, 9.81).r; });
+  const Matrix15d over_i =
+      test::numericJacobian<15, 15>(i, move, [&](const NavState& s) { return factor.evaluate(s, j, 9.81).r; });
+  const Matrix15d over_j =
+      test::numericJacobian<15, 15>(j, move, [&](const NavState& s) { return factor.evaluate(i, s, 9.81).r; });
   EXPECT_TRUE(f.J_i.isApprox(over_i, 1e-6)) << (f.J_i - over_i).cwiseAbs().maxCoeff();
   EXPECT_TRUE(f.J_j.isApprox(over_j, 1e-6)) << (f.J_j - over_j).cwiseAbs().maxCoeff();
-  const Vector15d over_gravity =
-      (factor.evaluate(i, j, 9.81 + 1e-4).r - factor.evaluate(i, j, 9.81 - 1e-4).r) / 2e-4;
+  const Vector15d over_gravity = (factor.evaluate(i, j, 9.81 + 1e-4).r - factor.evaluate(i, j, 9.81 - 1e-4).r) / 2e-4;
   EXPECT_LT((f.J_gravity - over_gravity).norm(), 1e-6 * over_gravity.norm());
 }
 

@@ -1,8 +1,8 @@
 #include "cocalib/factors/point_factors.h"
 
-#include <random>
-
 #include <gtest/gtest.h>
+
+#include <random>
 
 #include "cocalib/factors/robust.h"
 #include "numeric_jacobian.h"

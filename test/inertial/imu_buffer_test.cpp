@@ -1,9 +1,9 @@
 #include "cocalib/inertial/imu_buffer.h"
 
+#include <gtest/gtest.h>
+
 #include <cmath>
 #include <limits>
-
-#include <gtest/gtest.h>
 
 namespace cocalib {
 namespace {

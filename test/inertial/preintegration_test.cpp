@@ -1,8 +1,8 @@
 #include "cocalib/inertial/preintegration.h"
 
-#include <stdexcept>
-
 #include <gtest/gtest.h>
+
+#include <stdexcept>
 
 #include "cocalib/factors/imu_factor.h"
 #include "cocalib/inertial/imu_buffer.h"
@@ -65,11 +65,13 @@ TEST(Preintegration, PoseJacobiansMatchCentralDifferences) {
 
   const double h = 1e-4;
   const Vector6d over_gravity = (timedPose(segment, start, 9.8 + h, stamp).T_W_I.minus(at) -
-                                 timedPose(segment, start, 9.8 - h, stamp).T_W_I.minus(at)) / (2.0 * h);
+                                 timedPose(segment, start, 9.8 - h, stamp).T_W_I.minus(at)) /
+                                (2.0 * h);
   EXPECT_LT((pose.J_gravity - over_gravity).norm(), 1e-8);
   const TimeNs dt = 100000;
   const Vector6d over_time = (timedPose(segment, start, 9.8, stamp + dt).T_W_I.minus(at) -
-                              timedPose(segment, start, 9.8, stamp - dt).T_W_I.minus(at)) / (2.0 * toSeconds(dt));
+                              timedPose(segment, start, 9.8, stamp - dt).T_W_I.minus(at)) /
+                             (2.0 * toSeconds(dt));
   EXPECT_LT((pose.J_time - over_time).norm(), 1e-3);  // rates change within the difference
 }
 

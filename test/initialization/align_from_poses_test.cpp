@@ -1,7 +1,6 @@
-#include "cocalib/initialization/alignment.h"
-
 #include <gtest/gtest.h>
 
+#include "cocalib/initialization/alignment.h"
 #include "initialization/simulated_rig.h"
 
 namespace cocalib {

@@ -1,7 +1,6 @@
-#include "cocalib/initialization/alignment.h"
-
 #include <gtest/gtest.h>
 
+#include "cocalib/initialization/alignment.h"
 #include "cocalib/sim/camera.h"
 #include "cocalib/sim/scene.h"
 #include "initialization/simulated_rig.h"

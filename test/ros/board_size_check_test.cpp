@@ -1,6 +1,7 @@
 #include "cocalib/ros/board_size_check.h"
 
 #include <gtest/gtest.h>
+
 #include <opencv2/imgproc.hpp>
 
 namespace cocalib {

@@ -1,4 +1,8 @@
 #include <gtest/gtest.h>
+#include <rosbag/bag.h>
+#include <sensor_msgs/Imu.h>
+#include <sensor_msgs/PointCloud2.h>
+#include <sensor_msgs/point_cloud2_iterator.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -8,11 +12,6 @@
 #include <filesystem>
 #include <fstream>
 #include <string>
-
-#include <rosbag/bag.h>
-#include <sensor_msgs/Imu.h>
-#include <sensor_msgs/PointCloud2.h>
-#include <sensor_msgs/point_cloud2_iterator.h>
 
 namespace {
 
@@ -81,7 +80,8 @@ class CalibrateBag : public testing::Test {
   }
 
   Outcome run(const std::string& arguments) const {
-    const std::string command = std::string(CALIBRATE_BAG) + " " + arguments + " > " + path("out") + " 2> " + path("err");
+    const std::string command =
+        std::string(CALIBRATE_BAG) + " " + arguments + " > " + path("out") + " 2> " + path("err");
     const int status = std::system(command.c_str());
     return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, contents(path("out")), contents(path("err"))};
   }

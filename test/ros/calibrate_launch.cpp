@@ -1,9 +1,14 @@
 /// Runs calibrate.launch on a small simulated bag, under the master that rostest started, and looks at what a user
 /// gets: tf while it runs, an end by itself, the result.
 
+#include <diagnostic_msgs/DiagnosticArray.h>
 #include <gtest/gtest.h>
+#include <ros/package.h>
+#include <ros/ros.h>
 #include <sys/wait.h>
+#include <tf2_msgs/TFMessage.h>
 #include <unistd.h>
+#include <yaml-cpp/yaml.h>
 
 #include <cmath>
 #include <cstdlib>
@@ -11,12 +16,6 @@
 #include <map>
 #include <string>
 #include <vector>
-
-#include <diagnostic_msgs/DiagnosticArray.h>
-#include <ros/package.h>
-#include <ros/ros.h>
-#include <tf2_msgs/TFMessage.h>
-#include <yaml-cpp/yaml.h>
 
 #include "cocalib/io/result_file.h"
 #include "cocalib/ros/estimate_conversions.h"
@@ -48,7 +47,7 @@ class Listener {
   }
   void stop() { spinner_.stop(); }
 
-  std::map<std::string, int> transforms;  // "parent child" -> how many
+  std::map<std::string, int> transforms;       // "parent child" -> how many
   std::map<std::string, std::string> dropped;  // counters of queues -> last value
   bool all_finite = true;
   int estimates = 0;

@@ -1,9 +1,10 @@
+#include "cocalib/ros/conversions.h"
+
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
-#include "cocalib/ros/conversions.h"
 #include "cocalib/ros/estimate_conversions.h"
 #include "cocalib/ros/keyframe_conversions.h"
 
@@ -96,9 +97,8 @@ CalibrationEstimate someEstimate() {
   estimate.stamp = 1'700'000'060'000'000'001;
   estimate.duration_s = 59.5;
   estimate.calibration = {kPose, {expSo3({-0.1, 0.2, 3.0}), {0.1, 0.0, -0.08}}, 0.02, -0.015};
-  const Matrix14d root = Matrix14d::NullaryExpr([](Eigen::Index row, Eigen::Index col) {
-    return std::sin(1.0 + static_cast<double>(14 * row + col));
-  });
+  const Matrix14d root = Matrix14d::NullaryExpr(
+      [](Eigen::Index row, Eigen::Index col) { return std::sin(1.0 + static_cast<double>(14 * row + col)); });
   estimate.covariance = 1e-6 * root * root.transpose();
   estimate.covariance = 0.5 * (estimate.covariance + estimate.covariance.transpose().eval());
   estimate.camera.valid = estimate.lidar.valid = estimate.lidar_camera.valid = true;

@@ -1,7 +1,8 @@
+#include "cocalib/ros/stream_guard.h"
+
 #include <gtest/gtest.h>
 
 #include "cocalib/ros/notices.h"
-#include "cocalib/ros/stream_guard.h"
 
 namespace cocalib {
 namespace {

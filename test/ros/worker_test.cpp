@@ -1,10 +1,10 @@
+#include "cocalib/ros/worker.h"
+
 #include <gtest/gtest.h>
 
 #include <future>
 #include <stdexcept>
 #include <vector>
-
-#include "cocalib/ros/worker.h"
 
 namespace cocalib {
 namespace {

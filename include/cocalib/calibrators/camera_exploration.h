@@ -31,8 +31,8 @@ class CameraExploration {
   std::optional<BoardGeometry> board_;
 };
 
-/// The frame with its natural features only if it is the first within its 1 / rate_hz of the clock, without them otherwise:
-/// errors of a track are correlated in time, so more observations cost more than they tell.
+/// The frame with its natural features only if it is the first within its 1 / rate_hz of the clock, without them
+/// otherwise: errors of a track are correlated in time, so more observations cost more than they tell.
 VisualKeyframe thinTracks(const VisualKeyframe& frame, double rate_hz);
 
 }  // namespace cocalib

@@ -14,11 +14,11 @@ namespace cocalib {
 
 /// Settings of LidarInertialCalibrator; defaults suit a 10 Hz spinning lidar carried by hand.
 struct LidarInertialParams {
-  double range_noise_m = 0.03;      ///< 1 sigma, 0.001..0.5
-  double window_s = 5.0;            ///< length of the sliding window, 2..60
-  double solve_period_s = 1.0;      ///< data time between two solves, 0.1..10
-  double initialization_s = 12.0;   ///< data kept while nothing is known, 3..60
-  int max_points = 12000;           ///< points kept of a sweep, spread evenly, 500..200000
+  double range_noise_m = 0.03;     ///< 1 sigma, 0.001..0.5
+  double window_s = 5.0;           ///< length of the sliding window, 2..60
+  double solve_period_s = 1.0;     ///< data time between two solves, 0.1..10
+  double initialization_s = 12.0;  ///< data kept while nothing is known, 3..60
+  int max_points = 12000;          ///< points kept of a sweep, spread evenly, 500..200000
 
   /// @throws std::invalid_argument naming every broken bound
   void validate() const;
@@ -26,7 +26,7 @@ struct LidarInertialParams {
 
 /// One sweep, deskewed with one version of the calibration.
 struct DeskewedCloud {
-  TimeNs stamp = 0;                       ///< of the instant to which T_W_I refers, IMU clock
+  TimeNs stamp = 0;  ///< of the instant to which T_W_I refers, IMU clock
   Pose T_W_I;
   std::vector<Eigen::Vector3f> points_W;  ///< same order as the (subsampled) sweep
   std::vector<std::int16_t> plane;        ///< plane number of each point, -1: none

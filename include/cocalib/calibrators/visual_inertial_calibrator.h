@@ -14,11 +14,11 @@ namespace cocalib {
 
 /// Settings of VisualInertialCalibrator; defaults suit a hand-held rig with a 20-50 Hz camera.
 struct VisualInertialParams {
-  double frame_rate_hz = 20.0;        ///< pictures processed per second at most, 5..100; more than 20 add little
-  double track_rate_hz = 8.0;         ///< pictures per second whose natural features enter the window, 1..frame_rate
-  double window_s = 6.0;              ///< length of the sliding window, 2..60
-  double solve_period_s = 1.0;        ///< data time between two solves, 0.1..10
-  double initialization_s = 10.0;     ///< data kept while nothing is known, 3..60
+  double frame_rate_hz = 20.0;     ///< pictures processed per second at most, 5..100; more than 20 add little
+  double track_rate_hz = 8.0;      ///< pictures per second whose natural features enter the window, 1..frame_rate
+  double window_s = 6.0;           ///< length of the sliding window, 2..60
+  double solve_period_s = 1.0;     ///< data time between two solves, 0.1..10
+  double initialization_s = 10.0;  ///< data kept while nothing is known, 3..60
 
   /// @throws std::invalid_argument naming every broken bound
   void validate() const;

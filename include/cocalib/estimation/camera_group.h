@@ -13,8 +13,8 @@ namespace cocalib {
 /// The visual factors of a window: chessboard corners against the board landmark, and natural features, whose landmarks
 /// are eliminated on the camera poses before they enter the system.
 ///
-/// A landmark is X = A + R_A [u v 1]^T / rho about a fixed anchor (A, R_A), the camera's pose when it was made. The anchor
-/// is a number, not a state: the parametrisation is good for far points and every observation counts alike.
+/// A landmark is X = A + R_A [u v 1]^T / rho about a fixed anchor (A, R_A), the camera's pose when it was made. The
+/// anchor is a number, not a state: the parametrisation is good for far points and every observation counts alike.
 class CameraGroup {
  public:
   struct Params {
@@ -23,8 +23,8 @@ class CameraGroup {
     std::optional<BoardGeometry> board;
     double corner_sigma_px = 0.1;
     double track_sigma_px = 0.7;
-    double huber_sigmas = 2.0;     ///< residual, in sigmas, from which a feature counts linearly
-    double gate_sigmas = 5.0;      ///< residual, in sigmas, beyond which an observation is left out
+    double huber_sigmas = 2.0;  ///< residual, in sigmas, from which a feature counts linearly
+    double gate_sigmas = 5.0;   ///< residual, in sigmas, beyond which an observation is left out
     /// A longer track goes on as a new landmark: every landmark couples all states between its first and last
     /// observation, and what a tenth observation adds does not pay for that.
     std::size_t max_track_observations = 10;
@@ -47,8 +47,8 @@ class CameraGroup {
   /// Forgets everything that accumulate(.., end_node, ..) used, and renumbers the nodes.
   void dropFront(int end_node);
 
-  /// Replaces the assumed noise of a corner by the RMS found: noise is measured, not believed. Bounded below, because errors
-  /// of the lens model, which are common to a whole view, do not average out as noise does.
+  /// Replaces the assumed noise of a corner by the RMS found: noise is measured, not believed. Bounded below, because
+  /// errors of the lens model, which are common to a whole view, do not average out as noise does.
   void learnCornerSigma();
 
   /// RMS reprojection error of corners and tracks at the last accumulate(), per axis [px].
@@ -92,10 +92,10 @@ class CameraGroup {
 
   Params params_;
   std::vector<Frame> frames_;
-  std::map<std::uint64_t, Landmark> landmarks_;      // ordered, so that sums repeat to the bit
+  std::map<std::uint64_t, Landmark> landmarks_;       // ordered, so that sums repeat to the bit
   std::map<std::uint32_t, std::uint64_t> newest_of_;  // newest landmark of each track
   std::uint64_t next_landmark_ = 0;
-  std::vector<TimedSensorPose> poses_;                // at the last accumulate()
+  std::vector<TimedSensorPose> poses_;  // at the last accumulate()
   double corner_rms_px_ = 0.0, track_rms_px_ = 0.0;
 };
 

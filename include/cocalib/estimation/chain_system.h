@@ -1,16 +1,16 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <map>
 #include <vector>
-
-#include <Eigen/Core>
 
 #include "cocalib/factors/imu_factor.h"
 
 namespace cocalib {
 
-/// Gauss-Newton normal equations H d = -b of a chain of inertial states (15 each) and a dense set of globals (calibration,
-/// gravity, board, planes): the shape of every estimator here. Nodes couple to near nodes and to all globals.
+/// Gauss-Newton normal equations H d = -b of a chain of inertial states (15 each) and a dense set of globals
+/// (calibration, gravity, board, planes): the shape of every estimator here. Nodes couple to near nodes and to all
+/// globals.
 ///
 /// Eliminating a node is a Schur complement on its neighbours and the globals; eliminating all of them leaves the
 /// information of the globals, eliminating the oldest ones leaves the prior of marginalization. A general sparse solver
@@ -33,7 +33,7 @@ class ChainSystem {
 
   Eigen::MatrixXd H_global;  ///< both triangles
   Eigen::VectorXd b_global;
-  double cost = 0.0;         ///< half the sum of squared whitened residuals (robust ones by their loss)
+  double cost = 0.0;  ///< half the sum of squared whitened residuals (robust ones by their loss)
 
   void add(const ChainSystem& other);
 

@@ -1,9 +1,8 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <string>
 #include <vector>
-
-#include <Eigen/Core>
 
 #include "cocalib/geometry/pose.h"
 #include "cocalib/geometry/time.h"
@@ -30,7 +29,7 @@ const char* toString(Status status);
 
 /// One sensor against the IMU (or, for lidar_camera, the camera against the lidar).
 struct SensorVerdict {
-  bool valid = false;  ///< an estimate exists at all
+  bool valid = false;                                                       ///< an estimate exists at all
   Eigen::Matrix<double, 6, 1> sigma = Eigen::Matrix<double, 6, 1>::Zero();  ///< translation [m], rotation [rad]
   double time_offset_sigma_s = 0.0;
   std::vector<std::string> unobservable;  ///< in words: "translation along imu z: no rotation about x or y yet"
@@ -48,8 +47,8 @@ struct Quality {
 /// Everything an estimator says at one time.
 struct CalibrationEstimate {
   Status status = Status::kInsufficientData;
-  TimeNs stamp = 0;          ///< of the last measurement used, IMU clock
-  double duration_s = 0.0;   ///< of data used
+  TimeNs stamp = 0;         ///< of the last measurement used, IMU clock
+  double duration_s = 0.0;  ///< of data used
   Calibration calibration;
   /// Order: camera t, r, lidar t, r, camera offset, lidar offset; m, rad, s.
   Matrix14d covariance = Matrix14d::Zero();

@@ -15,14 +15,15 @@ struct WindowPriors {
   double extrinsic_translation_m = 1.0;
   double extrinsic_rotation_rad = 0.5;
   double time_offset_s = 0.1;
-  double gravity = 0.03;            ///< of its magnitude over the earth and with height [m/s^2]
-  double gyro_bias = 0.2;           ///< [rad/s]
-  double accel_bias = 0.5;          ///< [m/s^2]
-  double outline_m = 0.002;         ///< of the plate's edges where the rig file gives its size
+  double gravity = 0.03;     ///< of its magnitude over the earth and with height [m/s^2]
+  double gyro_bias = 0.2;    ///< [rad/s]
+  double accel_bias = 0.5;   ///< [m/s^2]
+  double outline_m = 0.002;  ///< of the plate's edges where the rig file gives its size
 };
 
-/// An inertial window: a chain of IMU states to which visual and lidar factors attach, with both mountings, clock offsets,
-/// gravity, the board and the planes as unknowns. The one estimator behind all three calibrators (paper Eq. 3, 6, 10).
+/// An inertial window: a chain of IMU states to which visual and lidar factors attach, with both mountings, clock
+/// offsets, gravity, the board and the planes as unknowns. The one estimator behind all three calibrators (paper Eq. 3,
+/// 6, 10).
 ///
 /// Use: addNode()s in order of time, addFrame() and addScan(), relink(), optimize(), then calibrationCovariance().
 /// Not thread-safe (it uses two threads inside; results do not depend on timing).

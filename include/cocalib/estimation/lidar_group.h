@@ -21,9 +21,9 @@ class LidarGroup {
  public:
   struct Params {
     double range_noise_m = 0.03;
-    double noise_floor_m = 0.004;   ///< across the plane, whatever the incidence: bearing noise, roughness
+    double noise_floor_m = 0.004;  ///< across the plane, whatever the incidence: bearing noise, roughness
     double gate_sigmas = 4.0;
-    double bin_s = 0.004;           ///< points of this long share one pose; within it rates count as constant
+    double bin_s = 0.004;  ///< points of this long share one pose; within it rates count as constant
     std::optional<BoardGeometry> board;
   };
   explicit LidarGroup(const Params& params) : params_(params) {}
@@ -31,7 +31,8 @@ class LidarGroup {
   void addScan(std::shared_ptr<const LidarScan> scan);
   int scans() const { return static_cast<int>(scans_.size()); }
 
-  /// Adds the deskewed points of the scans from `first_scan` on to `map` (every `stride`-th), without those on the board.
+  /// Adds the deskewed points of the scans from `first_scan` on to `map` (every `stride`-th), without those on the
+  /// board.
   void fillMap(const WindowState& state, const InertialChain& chain, int first_scan, int stride, PlaneMap* map) const;
 
   /// Associates the points of the scans from `first_scan` on anew. `map` numbers planes as `state.planes` does.
@@ -94,7 +95,6 @@ class LidarGroup {
 };
 
 /// Brings every point of a sweep to the world with the current estimate, each at its own time.
-std::vector<Eigen::Vector3f> deskewToWorld(const LidarScan& scan, const WindowState& state,
-                                           const InertialChain& chain);
+std::vector<Eigen::Vector3f> deskewToWorld(const LidarScan& scan, const WindowState& state, const InertialChain& chain);
 
 }  // namespace cocalib

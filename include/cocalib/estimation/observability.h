@@ -17,7 +17,8 @@ struct ObservabilityThresholds {
 };
 
 /// Sigmas of one sensor from its 6x6 covariance (in the IMU frame) and the variance of its clock offset, and in words
-/// every axis that the data does not determine, with the motion that would: "translation along imu z: rotate about x or y".
+/// every axis that the data does not determine, with the motion that would: "translation along imu z: rotate about x or
+/// y".
 SensorVerdict judge(const Matrix6d& covariance, double time_offset_variance, const std::string& frame,
                     const ObservabilityThresholds& thresholds);
 

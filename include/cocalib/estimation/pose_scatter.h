@@ -16,7 +16,7 @@ void scatterPoseGlobal(const TimedSensorPose& pose, int node, int column, const 
                        int other_column, ChainSystem* system);
 
 /// Adds the cross term between two poses of the same sensor; H is d^2/(da db), a at node_a, b at node_b.
-void scatterPosePair(const TimedSensorPose& a, int node_a, const TimedSensorPose& b, int node_b, int column, const Matrix6d& H,
-                     ChainSystem* system);
+void scatterPosePair(const TimedSensorPose& a, int node_a, const TimedSensorPose& b, int node_b, int column,
+                     const Matrix6d& H, ChainSystem* system);
 
 }  // namespace cocalib

@@ -1,8 +1,7 @@
 #pragma once
 
-#include <optional>
-
 #include <Eigen/Core>
+#include <optional>
 
 #include "cocalib/geometry/plane.h"
 #include "cocalib/geometry/pose.h"
@@ -27,8 +26,8 @@ Eigen::Matrix<double, 3, 6> pointJacobian(const Pose& T_W_B, const Eigen::Vector
 /// with the moment S = sum w [p_L; 1][p_L; 1]^T and the plane in the lidar frame pi_L = [R^T n; n.t - d] the sum of
 /// squared weighted distances is exactly pi_L^T S pi_L, so a thousand points cost what four do and none is lost.
 struct PlaneMomentResidual {
-  double cost = 0.0;                    ///< pi^T S pi / 2
-  Matrix6d H_pose;                      ///< Gauss-Newton, over T_W_L's tangent
+  double cost = 0.0;  ///< pi^T S pi / 2
+  Matrix6d H_pose;    ///< Gauss-Newton, over T_W_L's tangent
   Vector6d b_pose;
   Eigen::Matrix<double, 4, 6> J_pose;   ///< d pi_L / d T_W_L
   Eigen::Vector4d S_pi;                 ///< S pi_L

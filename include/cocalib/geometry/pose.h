@@ -23,9 +23,7 @@ struct Pose {
   Eigen::Vector3d operator*(const Eigen::Vector3d& p_B) const { return q * p_B + t; }
   Pose operator*(const Pose& T_B_C) const { return {(q * T_B_C.q).normalized(), q * T_B_C.t + t}; }
   Pose inverse() const { return {q.conjugate(), -(q.conjugate() * t)}; }
-  Pose plus(const Vector6d& delta) const {
-    return {(expSo3(delta.tail<3>()) * q).normalized(), t + delta.head<3>()};
-  }
+  Pose plus(const Vector6d& delta) const { return {(expSo3(delta.tail<3>()) * q).normalized(), t + delta.head<3>()}; }
   /// Tangent that leads from `base` to this pose: base.plus(minus(base)) == *this.
   Vector6d minus(const Pose& base) const {
     Vector6d delta;

@@ -1,9 +1,8 @@
 #pragma once
 
-#include <cmath>
-
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <cmath>
 
 namespace cocalib {
 
@@ -18,8 +17,8 @@ inline Eigen::Matrix3d hat(const Eigen::Vector3d& v) {
 inline Eigen::Quaterniond expSo3(const Eigen::Vector3d& phi) {
   const double half_angle = 0.5 * phi.norm();
   // sin(x)/x by its series below 1e-4, where the x^4 term is under rounding.
-  const double half_sinc = half_angle < 1e-4 ? 0.5 * (1.0 - half_angle * half_angle / 6.0)
-                                             : 0.5 * std::sin(half_angle) / half_angle;
+  const double half_sinc =
+      half_angle < 1e-4 ? 0.5 * (1.0 - half_angle * half_angle / 6.0) : 0.5 * std::sin(half_angle) / half_angle;
   Eigen::Quaterniond q;
   q.w() = std::cos(half_angle);
   q.vec() = half_sinc * phi;

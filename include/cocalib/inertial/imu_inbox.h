@@ -8,8 +8,8 @@
 
 namespace cocalib {
 
-/// Takes inertial samples from any thread and hands them to the thread that estimates, so that neither waits for the other
-/// longer than a copy takes.
+/// Takes inertial samples from any thread and hands them to the thread that estimates, so that neither waits for the
+/// other longer than a copy takes.
 class ImuInbox {
  public:
   void push(const ImuSample& sample) {

@@ -1,8 +1,7 @@
 #pragma once
 
-#include <vector>
-
 #include <Eigen/Core>
+#include <vector>
 
 #include "cocalib/measurements/measurements.h"
 #include "cocalib/sensors/imu_noise.h"
@@ -23,8 +22,8 @@ struct ImuIncrement {
   Eigen::Matrix3d J_p_ba = Eigen::Matrix3d::Zero();
 };
 
-/// One dense inertial segment: the increment is stored at every sample, so the pose at any time inside is a closed form of
-/// the state at the start. Times slightly outside (a few ms) are extrapolated. Immutable; safe from any thread.
+/// One dense inertial segment: the increment is stored at every sample, so the pose at any time inside is a closed form
+/// of the state at the start. Times slightly outside (a few ms) are extrapolated. Immutable; safe from any thread.
 class Preintegration {
  public:
   /// @param samples  in order, first at the start and last at the end of the segment; at least two
@@ -35,7 +34,7 @@ class Preintegration {
   TimeNs start() const { return samples_.front().stamp; }
   TimeNs end() const { return samples_.back().stamp; }
   double duration() const { return toSeconds(end() - start()); }
-  const Eigen::Vector3d& gyroBias() const { return gyro_bias_; }    ///< where it was linearised
+  const Eigen::Vector3d& gyroBias() const { return gyro_bias_; }  ///< where it was linearised
   const Eigen::Vector3d& accelBias() const { return accel_bias_; }
 
   ImuIncrement at(TimeNs stamp) const;
@@ -60,11 +59,11 @@ class Preintegration {
 /// Tangent of the state: [dp dtheta dv dbg dba]; of the pose: [dp dtheta], both in W.
 struct TimedPose {
   Pose T_W_I;
-  Eigen::Vector3d v_W;      ///< [m/s]
-  Eigen::Vector3d w_I;      ///< angular rate without bias, IMU frame [rad/s]
+  Eigen::Vector3d v_W;  ///< [m/s]
+  Eigen::Vector3d w_I;  ///< angular rate without bias, IMU frame [rad/s]
   Eigen::Matrix<double, 6, 15> J_state;
-  Vector6d J_gravity;       ///< over gravity's magnitude (it points along -z)
-  Vector6d J_time;          ///< over time [1/s]: velocity and angular rate in W
+  Vector6d J_gravity;  ///< over gravity's magnitude (it points along -z)
+  Vector6d J_time;     ///< over time [1/s]: velocity and angular rate in W
 };
 
 /// Pose at `stamp` in closed form. @param start state at the segment's start @param gravity magnitude [m/s^2]

@@ -19,31 +19,33 @@ struct SensorPose {
 /// What alignment finds: lever arm, gravity and the IMU's states, in a gravity-aligned world W.
 struct Alignment {
   Pose T_imu_sensor;
-  double gravity = 9.80665;                               ///< [m/s^2]
+  double gravity = 9.80665;  ///< [m/s^2]
   Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();
   Eigen::Vector3d accel_bias = Eigen::Vector3d::Zero();
-  Pose T_W_M;                                             ///< identity for alignFromTracks()
-  std::vector<NavState> states;                           ///< one per input pose or frame, same order, IMU clock
+  Pose T_W_M;                                                   ///< identity for alignFromTracks()
+  std::vector<NavState> states;                                 ///< one per input pose or frame, same order, IMU clock
   Eigen::Vector3d lever_arm_sigma_m = Eigen::Vector3d::Zero();  ///< 1 sigma, formal
-  double lever_arm_prior_m = 1.0;                         ///< prior sigma that it was found with, about the guess
-  double residual_m = 0.0;                                ///< RMS of the position residuals
-  double time_offset_s = 0.0;                             ///< t_imu = t_sensor + time_offset, refined; the states stand at it
+  double lever_arm_prior_m = 1.0;                               ///< prior sigma that it was found with, about the guess
+  double residual_m = 0.0;                                      ///< RMS of the position residuals
+  double time_offset_s = 0.0;  ///< t_imu = t_sensor + time_offset, refined; the states stand at it
 };
 
 struct AlignmentParams {
-  double chunk_s = 2.0;              ///< within a chunk position is integrated from the IMU; every chunk has its own start and velocity
-  double position_sigma_m = 0.02;    ///< noise of a sensor position
-  double accel_bias_sigma = 0.3;     ///< prior of the accelerometer bias [m/s^2]
+  double chunk_s =
+      2.0;  ///< within a chunk position is integrated from the IMU; every chunk has its own start and velocity
+  double position_sigma_m = 0.02;                             ///< noise of a sensor position
+  double accel_bias_sigma = 0.3;                              ///< prior of the accelerometer bias [m/s^2]
   Eigen::Vector3d lever_arm_guess = Eigen::Vector3d::Zero();  ///< centre of the lever arm's prior [m]
-  double lever_arm_prior_m = 1.0;    ///< prior sigma of the lever arm [m]
+  double lever_arm_prior_m = 1.0;                             ///< prior sigma of the lever arm [m]
   double max_lever_arm_sigma_m = 0.1;  ///< accepted only when the least certain axis is better than this
 
-  /// Settings for motion that does not show the whole lever arm: what it leaves open is taken from the guess (to 0.1 m).
+  /// Settings for motion that does not show the whole lever arm: what it leaves open is taken from the guess (to 0.1
+  /// m).
   static AlignmentParams around(const Eigen::Vector3d& lever_arm_guess);
 };
 
-/// Gravity, velocities, accelerometer bias and lever arm by one linear least-squares from metric sensor poses, with robust
-/// re-weighting. Gravity's magnitude is then checked against 9.7..9.9 m/s^2 and made consistent.
+/// Gravity, velocities, accelerometer bias and lever arm by one linear least-squares from metric sensor poses, with
+/// robust re-weighting. Gravity's magnitude is then checked against 9.7..9.9 m/s^2 and made consistent.
 std::optional<Alignment> alignFromPoses(const ImuBuffer& imu, const RotationInitialization& rotation,
                                         const std::vector<SensorPose>& poses, const AlignmentParams& params,
                                         std::string* reason = nullptr);

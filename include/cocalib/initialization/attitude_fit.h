@@ -10,8 +10,8 @@ namespace cocalib {
 
 /// Orientation of the IMU in the sensor's map M: gyro within a chunk, the sensor's orientations across chunks.
 struct AttitudeFit {
-  std::vector<Chunk> chunks;                   ///< paths with the refined gyro bias
-  std::vector<Eigen::Quaterniond> R_M_chunk;   ///< of the IMU at each chunk's start
+  std::vector<Chunk> chunks;                  ///< paths with the refined gyro bias
+  std::vector<Eigen::Quaterniond> R_M_chunk;  ///< of the IMU at each chunk's start
   Eigen::Quaterniond R_imu_sensor;
   Eigen::Vector3d gyro_bias;
   double time_offset_s = 0.0;

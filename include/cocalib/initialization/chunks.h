@@ -9,7 +9,7 @@ namespace cocalib {
 /// Neighbouring measurements [begin, end) over which the IMU is integrated in one go.
 struct Chunk {
   std::size_t begin = 0, end = 0;
-  InertialPath path;             ///< from the first measurement to `continues ? the next chunk's first : the last` one
+  InertialPath path;  ///< from the first measurement to `continues ? the next chunk's first : the last` one
   bool continues_in_next = false;  ///< no gap between this chunk and the next
 };
 

@@ -16,21 +16,22 @@ struct RelativeSensorRotation {
 };
 
 struct RotationInitializerParams {
-  double max_time_offset_s = 0.3;      ///< search range of the clock offset, each way
-  double min_singular_value = 0.25;    ///< second-smallest singular value of the normalised hand-eye problem that counts as determined
-  double max_residual_rad = 0.03;      ///< median residual above which the result is refused
+  double max_time_offset_s = 0.3;  ///< search range of the clock offset, each way
+  double min_singular_value =
+      0.25;  ///< second-smallest singular value of the normalised hand-eye problem that counts as determined
+  double max_residual_rad = 0.03;  ///< median residual above which the result is refused
   int min_pairs = 30;
 };
 
 /// Mounting rotation, clock offset and gyro bias from rotations alone.
 struct RotationInitialization {
   Eigen::Quaterniond R_imu_sensor;
-  double time_offset_s = 0.0;                            ///< t_imu = t_sensor + time_offset
-  Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();   ///< [rad/s]
+  double time_offset_s = 0.0;                           ///< t_imu = t_sensor + time_offset
+  Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();  ///< [rad/s]
   double median_residual_rad = 0.0;
-  double second_singular_value = 0.0;                    ///< of the rotation axes' spread: 0 when all rotations share one axis
-  double rotation_sigma_rad = 0.0;                       ///< of the least certain axis of R_imu_sensor, formal, 1 sigma
-  double time_offset_sigma_s = 0.0;                      ///< formal, 1 sigma
+  double second_singular_value = 0.0;  ///< of the rotation axes' spread: 0 when all rotations share one axis
+  double rotation_sigma_rad = 0.0;     ///< of the least certain axis of R_imu_sensor, formal, 1 sigma
+  double time_offset_sigma_s = 0.0;    ///< formal, 1 sigma
 };
 
 /// Clock offset by correlating angular rates of sensor and gyro over the search range (each offset with its own best

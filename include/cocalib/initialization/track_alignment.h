@@ -19,7 +19,7 @@ struct TrackSight {
 /// A landmark as one chunk sees it.
 struct ChunkTrack {
   std::size_t chunk = 0;
-  std::vector<TrackSight> sights;  ///< by rising time
+  std::vector<TrackSight> sights;                 ///< by rising time
   Eigen::Vector3d X_G = Eigen::Vector3d::Zero();  ///< relative to the IMU's position at the chunk's start
 };
 
@@ -49,9 +49,9 @@ std::optional<TrackProblem> makeTrackProblem(const ImuBuffer& imu, const Rotatio
 
 /// Solution of a track problem, in G.
 struct TrackSolution {
-  SharedSolution shared;                   ///< gravity, accelerometer bias, lever arm
-  Eigen::Vector3d free_gravity;            ///< when its magnitude is not imposed; linear solution only
-  double free_gravity_sigma = 0.0;         ///< of its magnitude [m/s^2]
+  SharedSolution shared;                    ///< gravity, accelerometer bias, lever arm
+  Eigen::Vector3d free_gravity;             ///< when its magnitude is not imposed; linear solution only
+  double free_gravity_sigma = 0.0;          ///< of its magnitude [m/s^2]
   std::vector<Eigen::Vector3d> velocities;  ///< at the chunks' starts [m/s]
   double worst_velocity_sigma = 0.0;        ///< [m/s]
   double bearing_sigma_rad = 0.0;           ///< of the bearings' residuals per axis, robust

@@ -1,12 +1,11 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
+#include <opencv2/core/mat.hpp>
 #include <optional>
 #include <string>
 #include <vector>
-
-#include <Eigen/Core>
-#include <opencv2/core/mat.hpp>
 
 #include "cocalib/geometry/pose.h"
 #include "cocalib/geometry/time.h"
@@ -42,17 +41,17 @@ struct LidarScan {
 
 /// A navigation state: pose, velocity and biases of the IMU at one instant of the IMU clock.
 struct NavState {
-  TimeNs stamp = 0;                                   ///< IMU clock
-  Pose T_W_I;                                         ///< W gravity-aligned, z up
-  Eigen::Vector3d v_W = Eigen::Vector3d::Zero();      ///< velocity of I in W [m/s]
+  TimeNs stamp = 0;                                      ///< IMU clock
+  Pose T_W_I;                                            ///< W gravity-aligned, z up
+  Eigen::Vector3d v_W = Eigen::Vector3d::Zero();         ///< velocity of I in W [m/s]
   Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();   ///< [rad/s]
   Eigen::Vector3d accel_bias = Eigen::Vector3d::Zero();  ///< [m/s^2]
 };
 
 /// A natural feature seen in one picture.
 struct TrackObservation {
-  std::uint32_t id = 0;                           ///< unique over the run
-  Eigen::Vector2f px = Eigen::Vector2f::Zero();   ///< raw (distorted) pixel, centre of the first pixel is (0, 0)
+  std::uint32_t id = 0;                          ///< unique over the run
+  Eigen::Vector2f px = Eigen::Vector2f::Zero();  ///< raw (distorted) pixel, centre of the first pixel is (0, 0)
 };
 
 /// The chessboard in one picture: all inner corners, row by row from the board's origin corner
@@ -78,15 +77,13 @@ struct LidarKeyframe {
 /// The chessboard as the rig file describes it. Frame B: origin at the first inner corner,
 /// x along columns, y along rows, z = x cross y (into the board as the camera sees it).
 struct BoardGeometry {
-  int cols = 0;                      ///< inner corners along x
-  int rows = 0;                      ///< inner corners along y
-  double square_m = 0.0;             ///< side of one square [m]
-  std::optional<double> width_m;     ///< outer edges of the plate along x [m]
-  std::optional<double> height_m;    ///< outer edges of the plate along y [m]
+  int cols = 0;                    ///< inner corners along x
+  int rows = 0;                    ///< inner corners along y
+  double square_m = 0.0;           ///< side of one square [m]
+  std::optional<double> width_m;   ///< outer edges of the plate along x [m]
+  std::optional<double> height_m;  ///< outer edges of the plate along y [m]
 
-  Eigen::Vector3d corner(int index) const {
-    return {(index % cols) * square_m, (index / cols) * square_m, 0.0};
-  }
+  Eigen::Vector3d corner(int index) const { return {(index % cols) * square_m, (index / cols) * square_m, 0.0}; }
   int cornerCount() const { return cols * rows; }
 };
 

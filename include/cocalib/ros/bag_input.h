@@ -1,12 +1,12 @@
 #pragma once
 
+#include <rosbag/bag.h>
+#include <rosbag/view.h>
+
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
-
-#include <rosbag/bag.h>
-#include <rosbag/view.h>
 
 #include "cocalib/io/rig_config.h"
 #include "cocalib/sensors/camera_model.h"

@@ -1,10 +1,9 @@
 #pragma once
 
+#include <opencv2/core/mat.hpp>
 #include <optional>
 #include <string>
 #include <vector>
-
-#include <opencv2/core/mat.hpp>
 
 #include "cocalib/measurements/measurements.h"
 

@@ -1,12 +1,12 @@
 #pragma once
 
-#include <functional>
-#include <optional>
-#include <string>
-
 #include <ros/node_handle.h>
 #include <ros/subscriber.h>
 #include <sensor_msgs/CameraInfo.h>
+
+#include <functional>
+#include <optional>
+#include <string>
 
 #include "cocalib/io/rig_config.h"
 

@@ -1,12 +1,12 @@
 #pragma once
 
-#include <optional>
-#include <string>
-#include <vector>
-
 #include <sensor_msgs/CompressedImage.h>
 #include <sensor_msgs/Image.h>
 #include <sensor_msgs/Imu.h>
+
+#include <optional>
+#include <string>
+#include <vector>
 
 #include "cocalib/calibrators/visual_inertial_calibrator.h"
 #include "cocalib/io/rig_config.h"

@@ -1,9 +1,9 @@
 #pragma once
 
+#include <sensor_msgs/PointCloud2.h>
+
 #include <string>
 #include <vector>
-
-#include <sensor_msgs/PointCloud2.h>
 
 #include "cocalib/calibrators/lidar_inertial_calibrator.h"
 

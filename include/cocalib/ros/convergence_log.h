@@ -1,9 +1,8 @@
 #pragma once
 
+#include <opencv2/core/mat.hpp>
 #include <string>
 #include <vector>
-
-#include <opencv2/core/mat.hpp>
 
 #include "cocalib/estimation/estimate.h"
 
@@ -20,8 +19,8 @@ class ConvergenceLog {
   /// One line per estimate; the header names columns and units.
   std::string csv() const;
 
-  /// 800x600 or larger: translation, rotation and clock offset of each sensor as deviation from the newest estimate over
-  /// the seconds of data, each with its 1-sigma band. BGR.
+  /// 800x600 or larger: translation, rotation and clock offset of each sensor as deviation from the newest estimate
+  /// over the seconds of data, each with its 1-sigma band. BGR.
   cv::Mat draw(const cv::Size& size = {960, 720}) const;
 
  private:

@@ -1,13 +1,13 @@
 #pragma once
 
+#include <diagnostic_updater/diagnostic_updater.h>
+#include <ros/node_handle.h>
+#include <ros/wall_timer.h>
+
 #include <cstdint>
 #include <map>
 #include <mutex>
 #include <string>
-
-#include <diagnostic_updater/diagnostic_updater.h>
-#include <ros/node_handle.h>
-#include <ros/wall_timer.h>
 
 #include "cocalib/calibrators/diagnostics.h"
 

@@ -1,12 +1,12 @@
 #pragma once
 
-#include <mutex>
-#include <optional>
-#include <string>
-
 #include <ros/node_handle.h>
 #include <ros/publisher.h>
 #include <tf2_ros/transform_broadcaster.h>
+
+#include <mutex>
+#include <optional>
+#include <string>
 
 #include "cocalib/measurements/measurements.h"
 #include "cocalib/ros/estimate_conversions.h"

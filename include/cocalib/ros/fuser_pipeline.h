@@ -1,8 +1,8 @@
 #pragma once
 
-#include <optional>
-
 #include <sensor_msgs/Imu.h>
+
+#include <optional>
 
 #include "cocalib/calibrators/cocalibration_fuser.h"
 #include "cocalib/io/rig_config.h"

@@ -1,11 +1,11 @@
 #pragma once
 
+#include <ros/node_handle.h>
+
 #include <atomic>
 #include <memory>
 #include <optional>
 #include <string>
-
-#include <ros/node_handle.h>
 
 #include "cocalib/ros/diagnostics_publisher.h"
 #include "cocalib/ros/estimate_publisher.h"
@@ -16,8 +16,8 @@
 
 namespace cocalib {
 
-/// One live co-calibration: the fuser on its own thread, what it publishes, and its result on disk. All functions may be
-/// called from any thread; none of them solves on the caller's, but finish() and save() wait for what they ask for.
+/// One live co-calibration: the fuser on its own thread, what it publishes, and its result on disk. All functions may
+/// be called from any thread; none of them solves on the caller's, but finish() and save() wait for what they ask for.
 class FusionSession {
  public:
   /// @param output  directory of the result files
@@ -53,7 +53,7 @@ class FusionSession {
   const RigConfig rig_;
   const FrameNames frames_;
   const std::string output_;
-  std::atomic<bool> active_{true};   // takes data
+  std::atomic<bool> active_{true};  // takes data
   std::atomic<bool> unsaved_{false};
   EstimatePublisher publisher_;
   DiagnosticsPublisher diagnostics_;

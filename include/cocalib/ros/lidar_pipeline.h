@@ -1,11 +1,11 @@
 #pragma once
 
+#include <sensor_msgs/Imu.h>
+#include <sensor_msgs/PointCloud2.h>
+
 #include <optional>
 #include <string>
 #include <vector>
-
-#include <sensor_msgs/Imu.h>
-#include <sensor_msgs/PointCloud2.h>
 
 #include "cocalib/calibrators/lidar_inertial_calibrator.h"
 #include "cocalib/io/rig_config.h"

@@ -1,11 +1,11 @@
 #pragma once
 
+#include <ros/node_handle.h>
+#include <ros/publisher.h>
+
 #include <mutex>
 #include <optional>
 #include <string>
-
-#include <ros/node_handle.h>
-#include <ros/publisher.h>
 
 #include "cocalib/ros/convergence_log.h"
 #include "cocalib/ros/estimate_conversions.h"
@@ -15,9 +15,9 @@
 
 namespace cocalib {
 
-/// What people watch while a calibration runs: `overlay`, `convergence` and `markers`. Draws on a thread of its own, and
-/// only what somebody listens to. Also keeps what the pictures of the result need. All functions may be called from any
-/// thread.
+/// What people watch while a calibration runs: `overlay`, `convergence` and `markers`. Draws on a thread of its own,
+/// and only what somebody listens to. Also keeps what the pictures of the result need. All functions may be called from
+/// any thread.
 class LiveDisplay {
  public:
   LiveDisplay(ros::NodeHandle nh, const RigConfig& rig, const FrameNames& frames);

@@ -1,14 +1,14 @@
 #pragma once
 
-#include <functional>
-#include <string>
-
 #include <ros/node_handle.h>
 #include <ros/service_server.h>
 #include <ros/subscriber.h>
 #include <sensor_msgs/CompressedImage.h>
 #include <sensor_msgs/Image.h>
 #include <std_srvs/Trigger.h>
+
+#include <functional>
+#include <string>
 
 #include "cocalib/io/rig_config.h"
 #include "cocalib/ros/estimate_conversions.h"

@@ -1,9 +1,8 @@
 #pragma once
 
+#include <opencv2/core/mat.hpp>
 #include <optional>
 #include <string>
-
-#include <opencv2/core/mat.hpp>
 
 #include "cocalib/estimation/estimate.h"
 #include "cocalib/io/rig_config.h"
@@ -16,17 +15,17 @@ namespace cocalib {
 struct RunResult {
   CalibrationEstimate estimate;
   ConvergenceLog log;
-  std::optional<OverlayScene> scene;       ///< nothing without camera, lidar or a picture worth showing
+  std::optional<OverlayScene> scene;  ///< nothing without camera, lidar or a picture worth showing
   std::optional<CameraModel> camera;
-  std::optional<Pose> T_W_B;               ///< board in the world of the scene's state
+  std::optional<Pose> T_W_B;  ///< board in the world of the scene's state
 };
 
 /// Makes sure that `directory` exists and can be written, before an hour of work goes into a run.
 /// @throws std::runtime_error naming it and the cause
 void prepareOutputDirectory(const std::string& directory);
 
-/// calibration.yaml first, then convergence.csv, convergence.png, overlay_before.png and overlay_after.png, each written
-/// atomically. @throws std::runtime_error naming file and cause
+/// calibration.yaml first, then convergence.csv, convergence.png, overlay_before.png and overlay_after.png, each
+/// written atomically. @throws std::runtime_error naming file and cause
 void writeResultFiles(const std::string& directory, const RigConfig& rig, const RunResult& result);
 
 /// The calibration for people: both mountings with 1 sigma, clock offsets, what is not determined, and what to do.

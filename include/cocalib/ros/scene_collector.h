@@ -1,13 +1,13 @@
 #pragma once
 
-#include <deque>
-#include <optional>
-#include <vector>
-
 #include <sensor_msgs/CompressedImage.h>
 #include <sensor_msgs/Image.h>
 #include <sensor_msgs/Imu.h>
 #include <sensor_msgs/PointCloud2.h>
+
+#include <deque>
+#include <optional>
+#include <vector>
 
 #include "cocalib/io/rig_config.h"
 #include "cocalib/ros/overlay.h"

@@ -1,12 +1,12 @@
 #pragma once
 
-#include <string>
-#include <vector>
-
 #include <ros/node_handle.h>
 #include <ros/service_server.h>
 #include <ros/subscriber.h>
 #include <std_msgs/String.h>
+
+#include <string>
+#include <vector>
 
 #include "cocalib/ros/diagnostics_publisher.h"
 #include "cocalib/ros/estimate_conversions.h"

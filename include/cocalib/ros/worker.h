@@ -12,9 +12,9 @@
 
 namespace cocalib {
 
-/// One thread that runs jobs in the order in which they were posted. Every job belongs to a lane; a lane holds a limited
-/// number of waiting jobs, and where it is full its oldest one is dropped and counted: a stream that cannot be followed
-/// loses its past, not the memory of the machine. All functions may be called from any thread.
+/// One thread that runs jobs in the order in which they were posted. Every job belongs to a lane; a lane holds a
+/// limited number of waiting jobs, and where it is full its oldest one is dropped and counted: a stream that cannot be
+/// followed loses its past, not the memory of the machine. All functions may be called from any thread.
 class Worker {
  public:
   /// @param lane_capacities  waiting jobs per lane, each >= 1
