@@ -51,12 +51,16 @@ struct VisualInertialCalibrator::Impl {
     return out;
   }
 
+  bool comesInOrder(TimeNs stamp) const { return !last_image || stamp > *last_image; }
+  std::vector<VisualKeyframe> keyframesAfterAdvance();
   VisualKeyframe look(const ImageFrame& image);
   std::optional<Eigen::Quaterniond> predictRotation(TimeNs stamp) const;
   void predictBoard(TimeNs stamp);
   bool tryToStart();
   void startWindow(const Alignment& alignment);
+  bool coveredByImu(TimeNs stamp) const;
   void advance();
+  void take(VisualKeyframe keyframe);
   void solve();
   void publish();
   std::vector<VisualKeyframe> takeKeyframes();
@@ -71,10 +75,11 @@ struct VisualInertialCalibrator::Impl {
   ImuInbox inbox;
   bool started = false;
   std::optional<TimeNs> last_image, last_tracks;
-  std::deque<ImageFrame> images;        // that wait for inertial data
+  std::deque<ImageFrame> images;        // that wait for inertial data,
   std::deque<VisualKeyframe> explored;  // before the start, newest initialization_s
   std::optional<TimeNs> last_try;
-  std::deque<VisualKeyframe> waiting, unreported;
+  std::deque<VisualKeyframe> waiting;  // and measurements that do
+  std::deque<VisualKeyframe> unreported;
   TimeNs last_solve = 0;
   CalibrationEstimate estimate;
   CalibratorDiagnostics diagnostics;
@@ -95,24 +100,37 @@ std::vector<VisualKeyframe> VisualInertialCalibrator::addImage(const ImageFrame&
   Impl& m = *impl_;
   ++m.diagnostics.counts["images"];
   if (!m.inbox.drainTo(&m.window.imu())) reset();
-  if (m.last_image) {
-    const double since = toSeconds(image.stamp - *m.last_image);
-    if (since <= 0.0) {
-      ++m.diagnostics.counts["images out of order"];
-      if (since < -1.0) reset();
-      return {};
-    }
-    if (since < kRateSlack / m.params.frame_rate_hz) return {};
+  if (!m.comesInOrder(image.stamp)) {
+    ++m.diagnostics.counts["images out of order"];
+    if (image.stamp < *m.last_image - toNs(1.0)) reset();
+    return {};
   }
+  if (m.last_image && toSeconds(image.stamp - *m.last_image) < kRateSlack / m.params.frame_rate_hz) return {};
   if (image.gray.cols != m.camera.width() || image.gray.rows != m.camera.height()) {
     ++m.diagnostics.counts["images of the wrong size"];
     return {};
   }
   m.last_image = image.stamp;
   m.images.push_back(image);
-  m.advance();
-  if (!m.started && !m.tryToStart()) return {};
-  return m.takeKeyframes();
+  return m.keyframesAfterAdvance();
+}
+
+std::vector<VisualKeyframe> VisualInertialCalibrator::addMeasurements(VisualKeyframe measured) {
+  Impl& m = *impl_;
+  if (!m.inbox.drainTo(&m.window.imu())) reset();
+  if (!m.comesInOrder(measured.stamp)) {
+    ++m.diagnostics.counts["images out of order"];
+    return {};
+  }
+  m.last_image = measured.stamp;
+  m.waiting.push_back(std::move(measured));
+  return m.keyframesAfterAdvance();
+}
+
+std::vector<VisualKeyframe> VisualInertialCalibrator::Impl::keyframesAfterAdvance() {
+  advance();
+  if (!started && !tryToStart()) return {};
+  return takeKeyframes();
 }
 
 std::vector<VisualKeyframe> VisualInertialCalibrator::flush() {
@@ -171,24 +189,35 @@ VisualKeyframe VisualInertialCalibrator::Impl::look(const ImageFrame& image) {
   return keyframe;
 }
 
+/// Before the start nothing depends on inertial data; after it a picture waits for its own.
+bool VisualInertialCalibrator::Impl::coveredByImu(TimeNs stamp) const {
+  const TimeNs offset = toNs(window.state().calibration.camera_time_offset_s);
+  return !started || (!window.imu().empty() && stamp + offset <= window.imu().lastStamp());
+}
+
 void VisualInertialCalibrator::Impl::advance() {
-  // Before the start nothing depends on inertial data; after it a picture waits for its own.
-  while (!images.empty()) {
-    const ImageFrame image = images.front();
-    const TimeNs offset = toNs(window.state().calibration.camera_time_offset_s);
-    if (started && (window.imu().empty() || image.stamp + offset > window.imu().lastStamp())) return;
+  while (!images.empty() && coveredByImu(images.front().stamp)) {
+    const ImageFrame image = std::move(images.front());
     images.pop_front();
-    VisualKeyframe keyframe = look(image);
-    if (!started) {
-      explored.push_back(std::move(keyframe));
-      while (toSeconds(explored.back().stamp - explored.front().stamp) > params.initialization_s) explored.pop_front();
-      continue;
-    }
-    window.extendTo(image.stamp + offset);
-    window.addFrame(thinTracks(keyframe, params.track_rate_hz));
-    unreported.push_back(std::move(keyframe));
-    if (toSeconds(window.state().nodes.back().stamp - last_solve) >= params.solve_period_s) solve();
+    take(look(image));
   }
+  while (!waiting.empty() && coveredByImu(waiting.front().stamp)) {
+    VisualKeyframe measured = std::move(waiting.front());
+    waiting.pop_front();
+    take(std::move(measured));
+  }
+}
+
+void VisualInertialCalibrator::Impl::take(VisualKeyframe keyframe) {
+  if (!started) {
+    explored.push_back(std::move(keyframe));
+    while (toSeconds(explored.back().stamp - explored.front().stamp) > params.initialization_s) explored.pop_front();
+    return;
+  }
+  window.extendTo(keyframe.stamp + toNs(window.state().calibration.camera_time_offset_s));
+  window.addFrame(thinTracks(keyframe, params.track_rate_hz));
+  unreported.push_back(std::move(keyframe));
+  if (toSeconds(window.state().nodes.back().stamp - last_solve) >= params.solve_period_s) solve();
 }
 
 bool VisualInertialCalibrator::Impl::tryToStart() {

@@ -2,25 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <thread>
 
 #include "cocalib/estimation/pose_scatter.h"
 #include "cocalib/factors/point_factors.h"
 #include "cocalib/factors/robust.h"
+#include "lidar_pose.h"
 
 namespace cocalib {
-namespace {
-
-TimedSensorPose lidarPose(const WindowState& state, const InertialChain& chain, int node, TimeNs stamp) {
-  return timedSensorPose(chain.segment(node), state.nodes[static_cast<std::size_t>(node)], state.gravity,
-                         state.calibration.T_imu_lidar, state.calibration.lidar_time_offset_s, stamp);
-}
-
-int lidarNode(const WindowState& state, TimeNs stamp) {
-  return nodeAt(state.nodes, stamp + toNs(state.calibration.lidar_time_offset_s));
-}
-
-}  // namespace
 
 void LidarGroup::addScan(std::shared_ptr<const LidarScan> scan) {
   scans_.emplace_back();
@@ -118,6 +106,27 @@ double LidarGroup::planeRms() const {
   return points > 0 ? std::sqrt(square / static_cast<double>(points)) : 0.0;
 }
 
+void LidarGroup::Scan::addResidual(double distance_m, double cosine, double floor2) {
+  constexpr double kMinCosine = 0.3;  // at flatter incidence the floor has too large a part
+  if (std::abs(cosine) < kMinCosine) return;
+  range_square_m2 += (distance_m * distance_m - floor2) / (cosine * cosine);
+  ++range_points;
+}
+
+void LidarGroup::learnRangeNoise() {
+  constexpr std::size_t kMinPoints = 1000;
+  constexpr double kMinShare = 0.2, kMaxShare = 2.0;  // of what the rig file says
+  double square = 0.0;
+  std::size_t points = 0;
+  for (const Scan& scan : scans_) {
+    square += scan.range_square_m2;
+    points += scan.range_points;
+  }
+  if (points < kMinPoints) return;
+  const double learnt = std::sqrt(std::max(0.0, square / static_cast<double>(points)));
+  range_sigma_m_ = std::clamp(learnt, kMinShare * params_.range_noise_m, kMaxShare * params_.range_noise_m);
+}
+
 std::size_t LidarGroup::linkedPoints() const {
   std::size_t points = 0;
   for (const Scan& scan : scans_) points += scan.points;
@@ -130,220 +139,6 @@ int LidarGroup::boardPoints() const {
     for (const Bin& bin : scan.bins) points += bin.board_points;
   }
   return points;
-}
-
-// --- association -------------------------------------------------------------------------------------------------
-
-namespace {
-
-/// Times of a sweep's points cut into bins of equal length: begin and end index of each, for sweeps in order of time or
-/// not.
-struct BinnedPoint {
-  int bin;
-  int index;
-};
-
-std::vector<BinnedPoint> sortIntoBins(const LidarScan& scan, double bin_s) {
-  std::vector<BinnedPoint> binned;
-  binned.reserve(scan.points.size());
-  for (std::size_t i = 0; i < scan.points.size(); ++i) {
-    binned.push_back({static_cast<int>(scan.points[i].offset_s / bin_s), static_cast<int>(i)});
-  }
-  std::stable_sort(binned.begin(), binned.end(),
-                   [](const BinnedPoint& a, const BinnedPoint& b) { return a.bin < b.bin; });
-  return binned;
-}
-
-/// Moves a point seen dt after (before: dt < 0) the pose's time to that time: the static point in the moving lidar
-/// frame.
-Eigen::Vector3d deskew(const Eigen::Vector3f& p, double dt, const Eigen::Vector3d& v_L, const Eigen::Vector3d& w_L) {
-  const Eigen::Vector3d point = p.cast<double>();
-  return point + dt * (w_L.cross(point) + v_L);
-}
-
-}  // namespace
-
-template <typename Visit>
-void LidarGroup::forEachBin(const WindowState& state, const InertialChain& chain, const LidarScan& scan,
-                            Visit&& visit) const {
-  const std::vector<BinnedPoint> binned = sortIntoBins(scan, params_.bin_s);
-  for (std::size_t begin = 0; begin < binned.size();) {
-    std::size_t end = begin;
-    while (end < binned.size() && binned[end].bin == binned[begin].bin) ++end;
-    const double middle_s = (binned[begin].bin + 0.5) * params_.bin_s;
-    const TimeNs stamp = scan.stamp + toNs(middle_s);
-    const int node = lidarNode(state, stamp);
-    const TimedSensorPose pose = lidarPose(state, chain, node, stamp);
-    const Eigen::Vector3d v_L = pose.T_W_S.q.conjugate() * pose.v_W;
-    const auto point = [&](std::size_t k) {
-      const LidarPoint& raw = scan.points[static_cast<std::size_t>(binned[k].index)];
-      return deskew(raw.p, raw.offset_s - middle_s, v_L, pose.w_S);
-    };
-    visit(stamp, node, pose, point, &binned[begin], begin, end);
-    begin = end;
-  }
-}
-
-void LidarGroup::fillMap(const WindowState& state, const InertialChain& chain, int first_scan, int stride,
-                         PlaneMap* map) const {
-  for (std::size_t s = static_cast<std::size_t>(first_scan); s < scans_.size(); ++s) {
-    forEachBin(state, chain, *scans_[s].raw,
-               [&](TimeNs, int, const TimedSensorPose& pose, const auto& point, const BinnedPoint* binned,
-                   std::size_t begin, std::size_t end) {
-                 for (std::size_t k = begin; k < end; ++k) {
-                   if (binned[k - begin].index % stride == 0) map->addPoint(pose.T_W_S * point(k));
-                 }
-               });
-  }
-}
-
-void LidarGroup::link(const WindowState& state, const InertialChain& chain, const PlaneMap& map, int first_scan,
-                      double slack_m, bool board_known) {
-  const auto linkFrom = [&](std::size_t first, std::size_t stride) {
-    for (std::size_t s = first; s < scans_.size(); s += stride) {
-      Scan& scan = scans_[s];
-      std::optional<BoardSegment> board;
-      if (board_known && params_.board) board = findBoard(state, chain, scan, slack_m);
-      linkScan(state, chain, map, slack_m, board, &scan);
-      scan.edges.clear();
-      if (board) linkEdges(state, chain, *board, &scan);
-    }
-  };
-  // Sweeps do not depend on each other; every other one goes to a second thread.
-  const auto first = static_cast<std::size_t>(first_scan);
-  std::thread second([&] { linkFrom(first + 1, 2); });
-  linkFrom(first, 2);
-  second.join();
-}
-
-std::optional<BoardSegment> LidarGroup::findBoard(const WindowState& state, const InertialChain& chain,
-                                                  const Scan& scan, double slack_m) const {
-  if (scan.raw->points.empty()) return std::nullopt;
-  const TimeNs middle = scan.raw->stamp + toNs(0.5 * scan.raw->points.back().offset_s);
-  const Pose T_L_W = lidarPose(state, chain, lidarNode(state, middle), middle).T_W_S.inverse();
-  std::vector<Eigen::Vector3f> points_L(scan.raw->points.size());
-  forEachBin(state, chain, *scan.raw,
-             [&](TimeNs, int, const TimedSensorPose& pose, const auto& point, const BinnedPoint* binned,
-                 std::size_t begin, std::size_t end) {
-               const Pose T_M_L = T_L_W * pose.T_W_S;
-               for (std::size_t k = begin; k < end; ++k) {
-                 points_L[static_cast<std::size_t>(binned[k - begin].index)] =
-                     Eigen::Vector3d(T_M_L * point(k)).cast<float>();
-               }
-             });
-  // The board's pose is as uncertain as the estimate; at 3 m a centimetre is about 3 mrad.
-  return segmentBoard(*scan.raw, points_L, T_L_W * state.T_W_B, *params_.board, params_.range_noise_m,
-                      std::max(slack_m, 0.01), std::max(0.3 * slack_m, 0.003));
-}
-
-void LidarGroup::linkScan(const WindowState& state, const InertialChain& chain, const PlaneMap& map, double slack_m,
-                          const std::optional<BoardSegment>& board, Scan* scan) const {
-  constexpr std::int16_t kNone = -1, kOnBoard = -2;
-  scan->bins.clear();
-  scan->square_m2 = 0.0;
-  scan->points = 0;
-  scan->plane.assign(scan->raw->points.size(), kNone);
-  if (board) {
-    for (const int index : board->points) scan->plane[static_cast<std::size_t>(index)] = kOnBoard;
-  }
-  const Plane board_W = boardPlane(state.T_W_B);
-  const double floor2 = params_.noise_floor_m * params_.noise_floor_m;
-  const auto addBin = [&](TimeNs stamp, int node, const TimedSensorPose& pose, const auto& point,
-                          const BinnedPoint* binned, std::size_t begin, std::size_t end) {
-    Bin bin;
-    bin.stamp = stamp;
-    bin.node = node;
-    for (std::size_t k = begin; k < end; ++k) {
-      const auto index = static_cast<std::size_t>(binned[k - begin].index);
-      std::int16_t& label = scan->plane[index];
-      const Eigen::Vector3d p_L = point(k);
-      const Eigen::Vector3d p_W = pose.T_W_S * p_L;
-      const bool on_board = label == kOnBoard;
-      const int plane = on_board ? -1 : map.planeAt(p_W);
-      if (!on_board && (plane < 0 || plane >= static_cast<int>(state.planes.size()))) continue;
-      const Plane& plane_W = on_board ? board_W : state.planes[static_cast<std::size_t>(plane)];
-      const double cosine = plane_W.normal.dot(p_W - pose.T_W_S.t) / p_L.norm();
-      const double along = params_.range_noise_m * cosine;  // range noise acts along the ray only
-      const double variance = along * along + floor2;
-      const double distance = plane_W.distance(p_W);
-      const double gate = params_.gate_sigmas * std::sqrt(variance) + slack_m;
-      if (std::abs(distance) > gate) {
-        label = kNone;
-        continue;
-      }
-      Eigen::Vector4d h;
-      h << p_L, 1.0;
-      Eigen::Matrix4d* moment = &bin.board;
-      if (on_board) {
-        ++bin.board_points;
-      } else {
-        label = static_cast<std::int16_t>(plane);
-        auto entry =
-            std::find_if(bin.planes.begin(), bin.planes.end(), [&](const auto& e) { return e.first == plane; });
-        if (entry == bin.planes.end()) entry = bin.planes.insert(entry, {plane, Eigen::Matrix4d::Zero()});
-        moment = &entry->second;
-        scan->square_m2 += distance * distance;
-        ++scan->points;
-      }
-      moment->noalias() += (1.0 / variance) * h * h.transpose();
-    }
-    if (!bin.planes.empty() || bin.board_points > 0) scan->bins.push_back(std::move(bin));
-  };
-  forEachBin(state, chain, *scan->raw, addBin);
-}
-
-void LidarGroup::linkEdges(const WindowState& state, const InertialChain& chain, const BoardSegment& board,
-                           Scan* scan) const {
-  // The edge lies evenly anywhere between two beams: standard deviation a 1/sqrt(12) of their distance, plus footprint.
-  constexpr double kUniform = 0.2887, kFootprint = 0.002;
-  for (const BoardEdgeCrossing& crossing : board.crossings) {
-    const LidarPoint& on = scan->raw->points[static_cast<std::size_t>(crossing.on_index)];
-    const double range = on.p.norm();
-    const Eigen::Vector3d on_bearing = on.p.cast<double>() / range;
-    const Eigen::Vector3d beyond = crossing.beyond_bearing_L.cast<double>();
-    Edge edge;
-    edge.stamp = scan->raw->stamp + toNs(0.5 * (on.offset_s + crossing.beyond_offset_s));
-    edge.node = lidarNode(state, edge.stamp);
-    edge.bearing_L = (on_bearing + beyond).normalized();
-    const Pose T_B_L = state.T_W_B.inverse() * lidarPose(state, chain, edge.node, edge.stamp).T_W_S;
-    const Eigen::Vector3d hit_B = T_B_L * (range * edge.bearing_L);
-    const Eigen::Vector3d gap_B = T_B_L.q * (range * (beyond - on_bearing));
-    double nearest = 0.1;  // farther than this from every edge: not a crossing of the outline
-    int found = -1;
-    for (int i = 0; i < 4; ++i) {
-      const double distance = std::abs(hit_B[i / 2] - state.outline[i]);
-      // Beams that run along an edge say little about it, and cross the other one.
-      if (distance > nearest || std::abs(gap_B[i / 2]) < 0.5 * gap_B.head<2>().norm()) continue;
-      nearest = distance;
-      found = i;
-    }
-    if (found < 0) continue;
-    edge.outline = found;
-    edge.sigma_m = std::hypot(kUniform * gap_B[found / 2], kFootprint);
-    scan->edges.push_back(edge);
-  }
-}
-
-std::vector<Eigen::Vector3f> deskewToWorld(const LidarScan& scan, const WindowState& state,
-                                           const InertialChain& chain) {
-  constexpr double kStep = 0.002;
-  std::vector<Eigen::Vector3f> points_W(scan.points.size());
-  int bin = -1;
-  TimedSensorPose pose;
-  Eigen::Vector3d v_L;
-  for (std::size_t i = 0; i < scan.points.size(); ++i) {
-    const LidarPoint& raw = scan.points[i];
-    const int own = static_cast<int>(raw.offset_s / kStep);
-    const double middle_s = (own + 0.5) * kStep;
-    if (own != bin) {
-      const TimeNs stamp = scan.stamp + toNs(middle_s);
-      pose = lidarPose(state, chain, lidarNode(state, stamp), stamp);
-      v_L = pose.T_W_S.q.conjugate() * pose.v_W;
-      bin = own;
-    }
-    points_W[i] = (pose.T_W_S * deskew(raw.p, raw.offset_s - middle_s, v_L, pose.w_S)).cast<float>();
-  }
-  return points_W;
 }
 
 }  // namespace cocalib

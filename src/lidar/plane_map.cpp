@@ -79,8 +79,8 @@ void PlaneMap::clear() {
   planes_.clear();
 }
 
-int PlaneMap::planeAt(const Eigen::Vector3d& p_W) const {
-  return impl_->territory.claim(p_W, impl_->planes, impl_->params.gate_sigmas * impl_->params.sigma());
+int PlaneMap::planeAt(const Eigen::Vector3d& p_W, const Eigen::Vector3d& ray_W) const {
+  return impl_->territory.claim(p_W, ray_W, impl_->planes, impl_->params.gate_sigmas * impl_->params.sigma());
 }
 
 }  // namespace cocalib

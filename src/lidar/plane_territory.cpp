@@ -27,39 +27,42 @@ void PlaneTerritory::allow(const Voxel& voxel, int plane) {
   }
 }
 
-bool PlaneTerritory::isAllowed(const Voxel& voxel, int plane) const {
+const PlaneTerritory::Cell* PlaneTerritory::allowingCell(const Voxel& voxel, int plane) const {
   const int number = index_.find(voxel);
-  if (number < 0) return false;
+  if (number < 0) return nullptr;
   const Cell& cell = cells_[static_cast<std::size_t>(number)];
+  if (cell.crowded) return nullptr;
   for (int i = 0; i < cell.count; ++i) {
-    if (cell.plane[i] == plane) return (cell.allowed >> i & 1U) != 0 && !cell.crowded;
+    if (cell.plane[i] == plane) return (cell.allowed >> i & 1U) != 0 ? &cell : nullptr;
   }
-  return false;
+  return nullptr;
 }
 
-int PlaneTerritory::claim(const Eigen::Vector3d& p, const std::vector<Plane>& planes, double gate_m) const {
+int PlaneTerritory::claim(const Eigen::Vector3d& p, const Eigen::Vector3d& ray, const std::vector<Plane>& planes,
+                          double gate_m) const {
+  // Nearer to grazing than 3 degrees, where ray and plane meet is anybody's guess.
+  constexpr double kMinCosine = 0.05;
   if (!voxelInRange(p, inverse_edge_)) return -1;
-  const Voxel own = voxelOf(p, inverse_edge_);
-  const int number = index_.find(own);
+  const int number = index_.find(voxelOf(p, inverse_edge_));
   if (number < 0) return -1;
-  const Cell& cell = cells_[static_cast<std::size_t>(number)];
-  if (cell.crowded) return -1;
-  for (int i = 0; i < cell.count; ++i) {
-    const Plane& plane = planes[static_cast<std::size_t>(cell.plane[i])];
+  const Cell& near = cells_[static_cast<std::size_t>(number)];
+  for (int i = 0; i < near.count; ++i) {
+    const int claimant = near.plane[i];
+    const Plane& plane = planes[static_cast<std::size_t>(claimant)];
     const double distance = plane.distance(p);
-    if (std::abs(distance) > gate_m) continue;
-    const Voxel foot = voxelOf(p - distance * plane.normal, inverse_edge_);
-    const bool allowed = foot == own ? (cell.allowed >> i & 1U) != 0 : isAllowed(foot, cell.plane[i]);
-    if (!allowed) continue;
-    bool clear = true;
-    for (int j = 0; j < cell.count && clear; ++j) {
-      if (j == i) continue;
-      // A point that belongs to `other` lies within the gate of it, so its foot here is within gate (1 + |cosine|).
-      const Plane& other = planes[static_cast<std::size_t>(cell.plane[j])];
-      const double cosine = plane.normal.dot(other.normal);
-      clear = std::abs(other.distance(p) - distance * cosine) > gate_m * (1.0 + std::abs(cosine));
-    }
-    if (clear) return cell.plane[i];
+    const double cosine = plane.normal.dot(ray);
+    if (std::abs(distance) > gate_m || std::abs(cosine) < kMinCosine) continue;
+    const Eigen::Vector3d met = p - distance / cosine * ray;
+    if (!voxelInRange(met, inverse_edge_)) continue;
+    const Cell* cell = allowingCell(voxelOf(met, inverse_edge_), claimant);
+    if (cell == nullptr) continue;
+    const bool clear = std::none_of(cell->plane.data(), cell->plane.data() + cell->count, [&](int j) {
+      if (j == claimant) return false;
+      // Ranges on both planes along this ray must differ by more than the noise of one and the gate of the other.
+      const Plane& other = planes[static_cast<std::size_t>(j)];
+      return std::abs(other.distance(met)) < gate_m * (0.5 + 2.0 * std::abs(other.normal.dot(ray)));
+    });
+    if (clear) return claimant;
   }
   return -1;
 }

@@ -100,7 +100,7 @@ TEST(PlaneMap, ClaimsPointsWithoutBiasAndWithoutMistakes) {
       int claimed = 0, mistaken = 0;
       double sum = 0.0, squares = 0.0;
       for (const Eigen::Vector3d& p : corner.walls[k]) {
-        const int plane = corner.map.planeAt(p);
+        const int plane = corner.map.planeAt(p, corner.normals[k]);
         mistaken += plane >= 0 && plane != k ? 1 : 0;
         if (plane != k) continue;
         const double d = corner.normals[k].dot(p - corner.T_W_S.t);
@@ -120,7 +120,8 @@ TEST(PlaneMap, ClaimsPointsWithoutBiasAndWithoutMistakes) {
 TEST(PlaneMap, GivesNoPlaneNearAnEdgeOrInFreeSpace) {
   const Corner corner(kPlacements[3]);
   const auto at = [&](double x, double y, double z) {
-    return corner.map.planeAt(corner.T_W_S * Eigen::Vector3d(x, y, z));
+    // Seen square to the first wall.
+    return corner.map.planeAt(corner.T_W_S * Eigen::Vector3d(x, y, z), corner.normals[0]);
   };
   EXPECT_EQ(at(3.0, 2.5, 0.0), 0);
   EXPECT_EQ(at(3.0, 2.5, 0.1), 0);
@@ -142,9 +143,9 @@ TEST(PlaneMap, OneWallAcrossAGapIsOnePlane) {
   map.extract();
   ASSERT_EQ(map.planeCount(), 1);
   EXPECT_NEAR(map.planes()[0].offset_m, 3.33, 1e-3);
-  EXPECT_EQ(map.planeAt({1.0, 3.35, 1.0}), 0);
-  EXPECT_EQ(map.planeAt({5.0, 3.31, 1.0}), 0);
-  EXPECT_EQ(map.planeAt({3.1, 3.33, 1.0}), -1);  // nothing was seen there
+  EXPECT_EQ(map.planeAt({1.0, 3.35, 1.0}, Eigen::Vector3d::UnitY()), 0);
+  EXPECT_EQ(map.planeAt({5.0, 3.31, 1.0}, Eigen::Vector3d::UnitY()), 0);
+  EXPECT_EQ(map.planeAt({3.1, 3.33, 1.0}, Eigen::Vector3d::UnitY()), -1);  // nothing was seen there
 }
 
 TEST(PlaneMap, ParallelPlanesStayApart) {
@@ -158,9 +159,9 @@ TEST(PlaneMap, ParallelPlanesStayApart) {
     ASSERT_EQ(map.planeCount(), 2) << y;
     EXPECT_LT(std::abs(map.planes()[0].distance({2.0, y, 1.2})), 1e-3) << y;
     EXPECT_LT(std::abs(map.planes()[1].distance({5.4, y + 0.1, 1.2})), 1e-3) << y;
-    EXPECT_EQ(map.planeAt({2.0, y, 1.2}), 0);
-    EXPECT_EQ(map.planeAt({5.4, y + 0.1, 1.2}), 1);
-    EXPECT_EQ(map.planeAt({4.0, y + 0.05, 1.2}), -1);
+    EXPECT_EQ(map.planeAt({2.0, y, 1.2}, Eigen::Vector3d::UnitY()), 0);
+    EXPECT_EQ(map.planeAt({5.4, y + 0.1, 1.2}, Eigen::Vector3d::UnitY()), 1);
+    EXPECT_EQ(map.planeAt({4.0, y + 0.05, 1.2}, Eigen::Vector3d::UnitY()), -1);
   }
 }
 
@@ -180,7 +181,7 @@ TEST(PlaneMap, TakesNoPlaneFromClutterLinesOrFewPoints) {
   for (int i = 0; i < 20000; ++i) map.addPoint({5.0 + noise(random), even(random), 1.0 + noise(random)});  // a ring
   map.extract();
   EXPECT_EQ(map.planeCount(), 0);
-  EXPECT_EQ(map.planeAt({1.0, 1.0, 1.0}), -1);
+  EXPECT_EQ(map.planeAt({1.0, 1.0, 1.0}, Eigen::Vector3d::UnitY()), -1);
 }
 
 TEST(PlaneMap, SamePointsSameBitsAlsoAfterClear) {

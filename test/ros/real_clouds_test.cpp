@@ -51,7 +51,7 @@ TEST_P(RealClouds, EveryOneHasPlanes) {
     double square = 0.0;
     for (const LidarPoint& point : scans_[i].points) {
       const Eigen::Vector3d p = point.p.cast<double>();
-      const int plane = map.planeAt(p);
+      const int plane = map.planeAt(p, p.normalized());
       if (plane < 0) continue;
       const double distance = map.planes()[static_cast<std::size_t>(plane)].distance(p);
       square += distance * distance;

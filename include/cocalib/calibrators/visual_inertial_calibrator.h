@@ -40,6 +40,9 @@ class VisualInertialCalibrator {
   /// (their state is known, or will never be), in order.
   std::vector<VisualKeyframe> addImage(const ImageFrame& image);
 
+  /// The same for a picture whose corners and tracks were measured elsewhere (recorded keyframes, a simulation).
+  std::vector<VisualKeyframe> addMeasurements(VisualKeyframe measured);
+
   /// Keyframes held back for want of a state, at the end of the data.
   std::vector<VisualKeyframe> flush();
 

@@ -68,9 +68,11 @@ class InertialWindow {
   /// @param slack_m         uncertainty of the current poses, for the gates
   void relink(bool rebuild_planes, double slack_m);
 
-  /// Sets the corners' noise to what their residuals show; call it after optimize() and before marginalizing.
+  /// Sets the noise of corners and ranges to what their residuals show; call it after optimize() and before
+  /// marginalizing.
   void learnNoise() {
     if (camera_ && camera_->sawBoard()) camera_->learnCornerSigma();
+    if (lidar_) lidar_->learnRangeNoise();
   }
 
   struct Summary {

@@ -20,13 +20,13 @@ namespace cocalib {
 class LidarGroup {
  public:
   struct Params {
-    double range_noise_m = 0.03;
+    double range_noise_m = 0.03;   ///< at the start; see learnRangeNoise()
     double noise_floor_m = 0.004;  ///< across the plane, whatever the incidence: bearing noise, roughness
     double gate_sigmas = 4.0;
     double bin_s = 0.004;  ///< points of this long share one pose; within it rates count as constant
     std::optional<BoardGeometry> board;
   };
-  explicit LidarGroup(const Params& params) : params_(params) {}
+  explicit LidarGroup(const Params& params) : params_(params), range_sigma_m_(params.range_noise_m) {}
 
   void addScan(std::shared_ptr<const LidarScan> scan);
   int scans() const { return static_cast<int>(scans_.size()); }
@@ -42,6 +42,10 @@ class LidarGroup {
 
   /// Adds all factors; or, with `end_node` >= 0, only those of nodes before it.
   void accumulate(const WindowState& state, const InertialChain& chain, int end_node, ChainSystem* system) const;
+
+  /// Sets the noise of ranges to what the residuals of the last link() show; the next link() weighs with it.
+  void learnRangeNoise();
+  double rangeSigma() const { return range_sigma_m_; }
 
   /// Forgets all scans that touch nodes before `end_node`, and renumbers the nodes.
   void dropFront(int end_node);
@@ -74,8 +78,12 @@ class LidarGroup {
     std::vector<Bin> bins;
     std::vector<Edge> edges;
     std::vector<std::int16_t> plane;
-    double square_m2 = 0.0;
+    double square_m2 = 0.0;  // of distances to planes
     std::size_t points = 0;
+    double range_square_m2 = 0.0;  // of distances along the ray, board included
+    std::size_t range_points = 0;
+
+    void addResidual(double distance_m, double cosine, double floor2);
   };
 
   template <typename Visit>
@@ -91,6 +99,7 @@ class LidarGroup {
                       ChainSystem* system) const;
 
   Params params_;
+  double range_sigma_m_;
   std::vector<Scan> scans_;
 };
 

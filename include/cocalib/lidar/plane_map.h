@@ -47,9 +47,10 @@ class PlaneMap {
 
   int planeCount() const { return static_cast<int>(planes_.size()); }
   const std::vector<Plane>& planes() const { return planes_; }
-  /// Number of the plane that `p_W` belongs to, or -1: none near, or not certain which. Whether a point is taken does
-  /// not depend on its noise along the normal (up to gate_sigmas), so what is gathered with it is not biased.
-  int planeAt(const Eigen::Vector3d& p_W) const;
+  /// Number of the plane that the point `p_W`, seen along the unit vector `ray_W`, belongs to, or -1: none near, or not
+  /// certain which. Whether a point is taken does not depend on the noise of its range (up to gate_sigmas), so what is
+  /// gathered with it is not biased by the choice.
+  int planeAt(const Eigen::Vector3d& p_W, const Eigen::Vector3d& ray_W) const;
 
  private:
   struct Impl;

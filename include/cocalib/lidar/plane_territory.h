@@ -29,14 +29,14 @@ class PlaneTerritory {
     for (int i = 0; i < cell.count; ++i) visit(static_cast<int>(cell.plane[i]));
   }
 
-  /// Number of the plane that claims `p`, or -1. A plane claims a point within gate_m if the point's foot on it lies in
-  /// a voxel allowed to it and so far from all other planes near that none of them can claim it. All but the gate is
-  /// judged at the foot, hence independent of the point's noise along the normal.
-  int claim(const Eigen::Vector3d& p, const std::vector<Plane>& planes, double gate_m) const;
+  /// Number of the plane that claims the point `p` seen along the unit vector `ray`, or -1. A plane claims a point
+  /// within gate_m if the ray meets it in a voxel allowed to it, and meets no other plane there that could claim the
+  /// point too. All but the gate is judged where ray and plane meet, hence independent of the noise of the point's
+  /// range.
+  int claim(const Eigen::Vector3d& p, const Eigen::Vector3d& ray, const std::vector<Plane>& planes,
+            double gate_m) const;
 
  private:
-  bool isAllowed(const Voxel& voxel, int plane) const;
-
   static constexpr int kMaxPlanes = 8;  // near one voxel; where more meet nothing is certain
   struct Cell {
     std::array<std::int16_t, kMaxPlanes> plane{};
@@ -44,6 +44,9 @@ class PlaneTerritory {
     std::uint8_t allowed = 0;  ///< bit i: plane[i] may claim points
     bool crowded = false;
   };
+
+  /// The cell of a voxel in which `plane` may claim points, or null.
+  const Cell* allowingCell(const Voxel& voxel, int plane) const;
 
   double edge_m_, inverse_edge_;
   VoxelIndex index_;
