@@ -70,11 +70,12 @@ class Report {
     std::printf("%s: %s, camera %.4f mrad %.4f mm, lidar %.4f mrad %.4f mm, cpu %.1f s\n", name.c_str(),
                 toString(e.status), 1e3 * error.segment<3>(3).norm(), 1e3 * error.head<3>().norm(),
                 1e3 * error.segment<3>(9).norm(), 1e3 * error.segment<3>(6).norm(), trial.cpu_s);
+    if (e.status != Status::kConverged) std::printf("  %s\n", e.message.c_str());
     std::fflush(stdout);
-    if (!csv_) return;
+    if (!csv_.is_open()) return;
     csv_ << name;
     for (int i = 0; i < 14; ++i) csv_ << ',' << error[i] << ',' << std::sqrt(std::max(0.0, e.covariance(i, i)));
-    csv_ << '\n';
+    csv_ << std::endl;  // a long run can be watched, and cut short
   }
 
   void print() const {

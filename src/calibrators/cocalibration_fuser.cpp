@@ -4,8 +4,10 @@
 #include <cmath>
 #include <deque>
 
+#include "cocalib/calibrators/convergence_judge.h"
+#include "cocalib/calibrators/state_hints.h"
+#include "cocalib/calibrators/window_record.h"
 #include "cocalib/estimation/inertial_window.h"
-#include "cocalib/estimation/observability.h"
 #include "cocalib/inertial/imu_inbox.h"
 
 namespace cocalib {
@@ -15,8 +17,7 @@ namespace {
 constexpr double kFirstSlacks_m[] = {0.10, 0.03, 0.01};
 constexpr int kFirstIterations = 6;
 constexpr int kIterations = 3;
-constexpr int kFinalRounds = 2;
-constexpr int kFinalIterations = 10;
+constexpr double kSlack_m = 0.005;
 
 InertialWindow::Params windowParams(const FuserParams& params, const ImuNoise& noise, const FuserInputs& inputs) {
   InertialWindow::Params window;
@@ -42,32 +43,37 @@ InertialWindow::Params windowParams(const FuserParams& params, const ImuNoise& n
 
 struct CoCalibrationFuser::Impl {
   Impl(const FuserParams& p, const ImuNoise& noise, const FuserInputs& in)
-      : params(p), inputs(in), window(windowParams(p, noise, in)) {}
+      : params(p),
+        inputs(in),
+        window(windowParams(p, noise, in)),
+        record(windowParams(p, noise, in), p.window_s),
+        judge(in.camera.has_value(), in.lidar) {}
 
   bool ready() const;
   std::optional<TimeNs> horizon() const;
-  const std::deque<NavState>& hints() const { return inputs.lidar ? lidar_hints : visual_hints; }
-  NavState hintAt(TimeNs stamp) const;
-  Pose alignmentToWindow() const;
+  const StateHints& hints() const { return inputs.lidar ? lidar_hints : visual_hints; }
+  void remember(const std::optional<NavState>& state, StateHints* hints) const;
   bool start();
   void extend(TimeNs until);
   bool takeNewData();
   void solveFirst();
-  void rememberHint(const std::optional<NavState>& state, std::deque<NavState>* hints) const;
   void solveRound(bool rebuild, double slack_m, int iterations);
-  void publish();
+  void slide(TimeNs oldest);
+  void publish(InertialWindow* from);
 
   FuserParams params;
   FuserInputs inputs;
-  InertialWindow window;
+  InertialWindow window;  // the newest seconds, with a prior for what came before: solved once a second
+  WindowRecord record;    // everything, for the last word
   ImuInbox inbox;
   std::deque<VisualKeyframe> visual;
   std::deque<LidarKeyframe> lidar;
-  std::deque<NavState> visual_hints, lidar_hints;
-  CalibrationEstimate visual_start, lidar_start, estimate;
+  StateHints visual_hints, lidar_hints;
+  CalibrationEstimate visual_alone, lidar_alone, estimate;
+  ConvergenceJudge judge;
   bool started = false;
   TimeNs first_stamp = 0, solved_until = 0;
-  int planes_built_at_scans = 0;
+  int planes_built_at_scans = 0, keyframes = 0, board_views = 0;
   CalibratorDiagnostics diagnostics;
 };
 
@@ -82,38 +88,38 @@ CoCalibrationFuser::~CoCalibrationFuser() = default;
 void CoCalibrationFuser::addImu(const ImuSample& sample) { impl_->inbox.push(sample); }
 
 void CoCalibrationFuser::addVisual(VisualKeyframe keyframe) {
-  ++impl_->diagnostics.counts["visual keyframes"];
-  impl_->rememberHint(keyframe.state, &impl_->visual_hints);
-  impl_->visual.push_back(std::move(keyframe));
-  while (!impl_->started && impl_->visual.back().stamp - impl_->visual.front().stamp > toNs(impl_->params.window_s)) {
-    impl_->visual.pop_front();  // the other sensor has not started for a whole window
-    ++impl_->diagnostics.counts["visual keyframes too old"];
+  Impl& m = *impl_;
+  ++m.diagnostics.counts["visual keyframes"];
+  m.remember(keyframe.state, &m.visual_hints);
+  m.visual.push_back(std::move(keyframe));
+  while (!m.started && m.visual.back().stamp - m.visual.front().stamp > toNs(m.params.window_s)) {
+    m.visual.pop_front();  // the other sensor has not started for a whole window
+    ++m.diagnostics.counts["visual keyframes too old"];
   }
 }
 
 void CoCalibrationFuser::addLidar(LidarKeyframe keyframe) {
-  ++impl_->diagnostics.counts["lidar keyframes"];
-  impl_->rememberHint(keyframe.state, &impl_->lidar_hints);
-  impl_->lidar.push_back(std::move(keyframe));
-  while (!impl_->started &&
-         impl_->lidar.back().scan.stamp - impl_->lidar.front().scan.stamp > toNs(impl_->params.window_s)) {
-    impl_->lidar.pop_front();
-    ++impl_->diagnostics.counts["lidar keyframes too old"];
+  Impl& m = *impl_;
+  ++m.diagnostics.counts["lidar keyframes"];
+  m.remember(keyframe.state, &m.lidar_hints);
+  m.lidar.push_back(std::move(keyframe));
+  while (!m.started && m.lidar.back().scan.stamp - m.lidar.front().scan.stamp > toNs(m.params.window_s)) {
+    m.lidar.pop_front();
+    ++m.diagnostics.counts["lidar keyframes too old"];
   }
 }
 
-void CoCalibrationFuser::setVisualEstimate(const CalibrationEstimate& estimate) { impl_->visual_start = estimate; }
-void CoCalibrationFuser::setLidarEstimate(const CalibrationEstimate& estimate) { impl_->lidar_start = estimate; }
+void CoCalibrationFuser::setVisualEstimate(const CalibrationEstimate& estimate) { impl_->visual_alone = estimate; }
+void CoCalibrationFuser::setLidarEstimate(const CalibrationEstimate& estimate) { impl_->lidar_alone = estimate; }
 
-void CoCalibrationFuser::Impl::rememberHint(const std::optional<NavState>& state, std::deque<NavState>* hints) const {
-  if (state && (hints->empty() || state->stamp > hints->back().stamp)) hints->push_back(*state);
-  // Only those after the last node will be asked for.
-  while (started && hints->size() > 1 && (*hints)[1].stamp <= window.state().nodes.back().stamp) hints->pop_front();
+void CoCalibrationFuser::Impl::remember(const std::optional<NavState>& state, StateHints* hints) const {
+  hints->add(state);
+  if (started) hints->forgetBefore(window.state().nodes.back().stamp);  // only later ones will be asked for
 }
 
 bool CoCalibrationFuser::Impl::ready() const {
-  const bool camera_ready = !inputs.camera || visual_start.camera.valid;
-  const bool lidar_ready = !inputs.lidar || lidar_start.lidar.valid;
+  const bool camera_ready = !inputs.camera || visual_alone.camera.valid;
+  const bool lidar_ready = !inputs.lidar || lidar_alone.lidar.valid;
   return camera_ready && lidar_ready && !hints().empty();
 }
 
@@ -123,13 +129,13 @@ std::optional<TimeNs> CoCalibrationFuser::Impl::horizon() const {
   const Calibration& c = window.state().calibration;
   if (inputs.camera) {
     if (visual.empty()) return std::nullopt;
-    const double offset = started ? c.camera_time_offset_s : visual_start.calibration.camera_time_offset_s;
+    const double offset = started ? c.camera_time_offset_s : visual_alone.calibration.camera_time_offset_s;
     limit(visual.back().stamp + toNs(offset));
   }
   if (inputs.lidar) {
     if (lidar.empty()) return std::nullopt;
     const LidarScan& scan = lidar.back().scan;
-    const double offset = started ? c.lidar_time_offset_s : lidar_start.calibration.lidar_time_offset_s;
+    const double offset = started ? c.lidar_time_offset_s : lidar_alone.calibration.lidar_time_offset_s;
     limit(scan.stamp + toNs(offset + (scan.points.empty() ? 0.0 : scan.points.back().offset_s)));
   }
   return until;
@@ -140,52 +146,31 @@ bool CoCalibrationFuser::wantsSolve() const {
   if (!m.ready()) return false;
   const auto until = m.horizon();
   if (!until) return false;
-  if (!m.started) return toSeconds(*until - m.hints().front().stamp) >= m.params.first_solve_s;
-  // A solve costs in proportion to the data in the window, so its period grows with it: the total stays linear.
-  const double period = std::max(m.params.solve_period_s, 0.2 * toSeconds(m.solved_until - m.first_stamp));
-  return toSeconds(*until - m.solved_until) >= std::min(period, 2.0 * m.params.solve_period_s);
-}
-
-NavState CoCalibrationFuser::Impl::hintAt(TimeNs stamp) const {
-  const std::deque<NavState>& all = hints();
-  const auto after =
-      std::upper_bound(all.begin(), all.end(), stamp, [](TimeNs t, const NavState& s) { return t < s.stamp; });
-  const NavState& hint = after == all.begin() ? all.front() : *std::prev(after);
-  std::vector<ImuSample> samples = window.imu().slice(hint.stamp, stamp);
-  if (samples.size() < 2) return hint;
-  const Preintegration segment(std::move(samples), ImuNoise(), hint.gyro_bias, hint.accel_bias);
-  return propagate(segment, hint, window.state().gravity, stamp);
-}
-
-/// Both worlds are gravity-aligned: they differ by a turn about the vertical and a shift, found at the last node.
-Pose CoCalibrationFuser::Impl::alignmentToWindow() const {
-  const NavState& node = window.state().nodes.back();
-  const NavState hint = hintAt(node.stamp);
-  const Eigen::Quaterniond turn = node.T_W_I.q * hint.T_W_I.q.conjugate();
-  Pose T;
-  T.q = Eigen::Quaterniond(turn.w(), 0.0, 0.0, turn.z()).normalized();
-  T.t = node.T_W_I.t - T.q * hint.T_W_I.t;
-  return T;
+  if (!m.started) return toSeconds(*until - m.hints().states().front().stamp) >= m.params.first_solve_s;
+  return toSeconds(*until - m.solved_until) >= m.params.solve_period_s;
 }
 
 bool CoCalibrationFuser::Impl::start() {
   if (window.imu().empty()) return false;
+  const std::deque<NavState>& states = hints().states();
   const auto covered = [&](const NavState& s) { return s.stamp >= window.imu().firstStamp(); };
-  const auto first = std::find_if(hints().begin(), hints().end(), covered);
-  if (first == hints().end()) return false;
+  const auto first = std::find_if(states.begin(), states.end(), covered);
+  if (first == states.end()) return false;
   Calibration calibration;
   if (inputs.camera) {
-    calibration.T_imu_camera = visual_start.calibration.T_imu_camera;
-    calibration.camera_time_offset_s = visual_start.calibration.camera_time_offset_s;
+    calibration.T_imu_camera = visual_alone.calibration.T_imu_camera;
+    calibration.camera_time_offset_s = visual_alone.calibration.camera_time_offset_s;
   }
   if (inputs.lidar) {
-    calibration.T_imu_lidar = lidar_start.calibration.T_imu_lidar;
-    calibration.lidar_time_offset_s = lidar_start.calibration.lidar_time_offset_s;
+    calibration.T_imu_lidar = lidar_alone.calibration.T_imu_lidar;
+    calibration.lidar_time_offset_s = lidar_alone.calibration.lidar_time_offset_s;
   }
-  const double gravity = inputs.lidar ? lidar_start.gravity : visual_start.gravity;
+  const double gravity = inputs.lidar ? lidar_alone.gravity : visual_alone.gravity;
   // What a start leaves open came from a guess, to about 0.1 m: held to it here too, or noise would move it by metres.
-  const bool open = !visual_start.camera.unobservable.empty() || !lidar_start.lidar.unobservable.empty();
-  window.setTranslationPrior(open ? 0.1 : WindowPriors().extrinsic_translation_m);
+  const bool open = !visual_alone.camera.unobservable.empty() || !lidar_alone.lidar.unobservable.empty();
+  const double prior_m = open ? 0.1 : WindowPriors().extrinsic_translation_m;
+  window.setTranslationPrior(prior_m);
+  record.setTranslationPrior(prior_m);
   window.reset(*first, calibration, gravity);
   first_stamp = first->stamp;
   started = true;
@@ -194,12 +179,14 @@ bool CoCalibrationFuser::Impl::start() {
 
 void CoCalibrationFuser::Impl::extend(TimeNs until) {
   const Calibration& c = window.state().calibration;
-  const Pose T_window_hint = alignmentToWindow();
+  const double gravity = window.state().gravity;
+  const NavState& newest = window.state().nodes.back();
+  const Pose T_window_hint = alignWorlds(newest, hints().at(newest.stamp, window.imu(), gravity));
   const TimeNs begin = window.state().nodes.front().stamp;
   const auto addNodeAt = [&](TimeNs stamp) {
     const NavState& last = window.state().nodes.back();
     if (stamp <= last.stamp) return;
-    NavState node = hintAt(stamp);
+    NavState node = hints().at(stamp, window.imu(), gravity);
     if (node.stamp != stamp) return;  // no inertial data there
     node.T_W_I = T_window_hint * node.T_W_I;
     node.v_W = T_window_hint.q * node.v_W;
@@ -221,6 +208,9 @@ void CoCalibrationFuser::Impl::extend(TimeNs until) {
     if (stamp < begin) continue;
     fillTo(stamp);
     window.addFrame(visual.front());
+    record.keep(visual.front());
+    ++keyframes;
+    if (visual.front().board) ++board_views;
   }
   fillTo(std::min(until, window.imu().lastStamp()));
   for (; !lidar.empty(); lidar.pop_front()) {
@@ -228,7 +218,11 @@ void CoCalibrationFuser::Impl::extend(TimeNs until) {
     if (scan.points.empty()) continue;
     const TimeNs stamp = scan.stamp + toNs(c.lidar_time_offset_s);
     if (stamp + toNs(scan.points.back().offset_s) > until) break;
-    if (stamp >= begin) window.addScan(std::make_shared<const LidarScan>(std::move(scan)));
+    if (stamp < begin) continue;
+    const auto shared = std::make_shared<const LidarScan>(std::move(scan));
+    window.addScan(shared);
+    record.keep(shared);
+    ++keyframes;
   }
   solved_until = until;
 }
@@ -257,6 +251,13 @@ void CoCalibrationFuser::Impl::solveFirst() {
   planes_built_at_scans = window.lidar() ? window.lidar()->scans() : 0;
 }
 
+/// Hands what is older to the record and turns it into a prior.
+void CoCalibrationFuser::Impl::slide(TimeNs oldest) {
+  if (window.state().nodes.front().stamp >= oldest) return;
+  record.take(window, oldest);
+  if (!window.marginalizeBefore(oldest)) ++diagnostics.counts["failed marginalizations"];
+}
+
 bool CoCalibrationFuser::solve() {
   Impl& m = *impl_;
   if (!m.inbox.drainTo(&m.window.imu())) {
@@ -271,11 +272,10 @@ bool CoCalibrationFuser::solve() {
     const int scans = m.window.lidar() ? m.window.lidar()->scans() : 0;
     const bool rebuild = scans > 3 * m.planes_built_at_scans / 2;
     if (rebuild) m.planes_built_at_scans = scans;
-    m.solveRound(rebuild, 0.005, kIterations);
+    m.solveRound(rebuild, kSlack_m, kIterations);
   }
-  m.publish();
-  const TimeNs oldest = m.window.state().nodes.back().stamp - toNs(m.params.window_s);
-  if (m.window.state().nodes.front().stamp < oldest) m.window.marginalizeBefore(oldest);
+  m.publish(&m.window);
+  m.slide(m.window.state().nodes.back().stamp - toNs(m.params.live_window_s));
   return true;
 }
 
@@ -283,19 +283,22 @@ void CoCalibrationFuser::finish(const std::function<void(double)>& progress) {
   Impl& m = *impl_;
   if (!m.inbox.drainTo(&m.window.imu())) return;
   const bool first = !m.started;
-  if (m.takeNewData() && first) m.solveFirst();
-  for (int round = 0; m.started && round < kFinalRounds; ++round) {
-    if (progress) progress(static_cast<double>(round) / kFinalRounds);
-    m.solveRound(true, round == 0 ? 0.005 : 0.0, kFinalIterations);
+  if (m.takeNewData()) {
+    if (first) {
+      m.solveFirst();
+    } else {
+      m.solveRound(false, kSlack_m, kIterations);
+    }
   }
-  if (m.started) m.publish();
-  if (progress) progress(1.0);
+  if (!m.started) return;
+  m.record.take(m.window, m.window.state().nodes.back().stamp + 1);
+  if (m.record.solve(m.window.state().calibration, progress)) m.publish(&m.record.window());
 }
 
-void CoCalibrationFuser::Impl::publish() {
-  const WindowState& state = window.state();
+void CoCalibrationFuser::Impl::publish(InertialWindow* from) {
+  const WindowState& state = from->state();
   Matrix14d covariance;
-  if (!window.calibrationCovariance(&covariance)) {
+  if (!from->calibrationCovariance(&covariance)) {
     ++diagnostics.counts["covariances refused"];
     return;
   }
@@ -306,16 +309,17 @@ void CoCalibrationFuser::Impl::publish() {
   estimate.gyro_bias = state.nodes.back().gyro_bias;
   estimate.accel_bias = state.nodes.back().accel_bias;
   estimate.gravity = state.gravity;
-  estimate.quality.keyframes = static_cast<int>(state.nodes.size());
-  if (const CameraGroup* camera = window.camera()) {
-    estimate.quality.board_views = camera->boardViews();
+  estimate.quality.keyframes = keyframes;
+  if (const CameraGroup* camera = from->camera()) {
+    estimate.quality.board_views = board_views;
     estimate.quality.reprojection_rms_px = camera->sawBoard() ? camera->cornerRms() : camera->trackRms();
   }
-  if (const LidarGroup* scans = window.lidar()) {
+  if (const LidarGroup* scans = from->lidar()) {
     estimate.quality.lidar_plane_rms_m = scans->planeRms();
-    estimate.quality.board_lidar_points = scans->boardPoints();
+    // The live window forgets; what it once had counts.
+    estimate.quality.board_lidar_points = std::max(estimate.quality.board_lidar_points, scans->boardPoints());
   }
-  judgeEstimate(inputs.camera.has_value(), inputs.lidar, ObservabilityThresholds(), &estimate);
+  judge.judge(visual_alone, lidar_alone, &estimate);
   diagnostics.stage = toString(estimate.status);
   diagnostics.message = estimate.message;
 }
@@ -336,20 +340,23 @@ CalibratorDiagnostics CoCalibrationFuser::diagnostics() const {
   CalibratorDiagnostics out = impl_->diagnostics;
   out.counts["imu samples dropped"] = impl_->inbox.dropped();
   out.counts["imu samples refused"] = impl_->inbox.refused();
+  out.counts["failed solves of the record"] = impl_->record.failedSolves();
   return out;
 }
 
 void CoCalibrationFuser::reset() {
   Impl& m = *impl_;
   m.window.imu().clear();
+  m.record.reset();
   m.visual.clear();
   m.lidar.clear();
   m.visual_hints.clear();
   m.lidar_hints.clear();
-  m.visual_start = m.lidar_start = m.estimate = CalibrationEstimate();
+  m.judge.reset();
+  m.visual_alone = m.lidar_alone = m.estimate = CalibrationEstimate();
   m.estimate.message = "waiting for the calibrators to find their sensors";
   m.started = false;
-  m.planes_built_at_scans = 0;
+  m.planes_built_at_scans = m.keyframes = m.board_views = 0;
   m.diagnostics.stage = "waiting for the calibrators";
   m.diagnostics.message = m.estimate.message;
 }

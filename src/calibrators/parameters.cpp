@@ -28,6 +28,7 @@ void LidarInertialParams::validate() const {
 void FuserParams::validate() const {
   Violations violations("co-calibration fuser");
   violations.requireWithin("window_s", window_s, 10.0, 600.0);
+  violations.requireWithin("live_window_s", live_window_s, 5.0, 60.0);
   violations.requireWithin("first_solve_s", first_solve_s, 1.0, 60.0);
   violations.requireWithin("solve_period_s", solve_period_s, 0.5, 60.0);
   violations.requireWithin("range_noise_m", range_noise_m, 0.001, 0.5);

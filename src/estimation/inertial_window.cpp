@@ -87,7 +87,7 @@ void InertialWindow::startBoard() {
   board_known_ = true;
 }
 
-void InertialWindow::relink(bool rebuild_planes, double slack_m) {
+void InertialWindow::relink(bool rebuild_planes, double slack_m, bool all_points) {
   updateChain();
   if (camera_) {
     camera_->relink(state_, chain_);
@@ -99,12 +99,12 @@ void InertialWindow::relink(bool rebuild_planes, double slack_m) {
     plane_map_.clear();
     const auto total =
         static_cast<std::size_t>(lidar_->scans()) * std::max<std::size_t>(1, lidar_->scan(0).points.size());
-    lidar_->fillMap(state_, chain_, 0, static_cast<int>(total / kMapPoints) + 1, &plane_map_);
+    lidar_->fillMap(state_, chain_, 0, static_cast<std::uint32_t>(total / kMapPoints) + 1, &plane_map_);
     plane_map_.extract();
     state_.planes = plane_map_.planes();
     linked_scans_ = 0;
   }
-  lidar_->link(state_, chain_, plane_map_, linked_scans_, slack_m, board_known_);
+  lidar_->link(state_, chain_, plane_map_, linked_scans_, slack_m, board_known_, all_points);
   linked_scans_ = lidar_->scans();
 }
 

@@ -1,6 +1,7 @@
 // Which point lies on what: the part of LidarGroup that looks at every point.
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <thread>
 
 #include "cocalib/estimation/lidar_group.h"
@@ -10,22 +11,35 @@
 namespace cocalib {
 namespace {
 
-/// Times of a sweep's points cut into bins of equal length: begin and end index of each, for sweeps in order of time or
-/// not.
 struct BinnedPoint {
   int bin;
   int index;
 };
 
+/// The points of a sweep by time, in bins of equal length (a counting sort: sweeps have few bins and come in any
+/// order).
 std::vector<BinnedPoint> sortIntoBins(const LidarScan& scan, double bin_s) {
-  std::vector<BinnedPoint> binned;
-  binned.reserve(scan.points.size());
+  const auto binOf = [&](const LidarPoint& point) { return static_cast<std::size_t>(point.offset_s / bin_s); };
+  std::size_t bins = 0;
+  for (const LidarPoint& point : scan.points) bins = std::max(bins, binOf(point) + 1);
+  std::vector<std::size_t> place(bins + 1, 0);
+  for (const LidarPoint& point : scan.points) ++place[binOf(point) + 1];
+  for (std::size_t bin = 1; bin <= bins; ++bin) place[bin] += place[bin - 1];
+  std::vector<BinnedPoint> binned(scan.points.size());
   for (std::size_t i = 0; i < scan.points.size(); ++i) {
-    binned.push_back({static_cast<int>(scan.points[i].offset_s / bin_s), static_cast<int>(i)});
+    const std::size_t bin = binOf(scan.points[i]);
+    binned[place[bin]++] = {static_cast<int>(bin), static_cast<int>(i)};
   }
-  std::stable_sort(binned.begin(), binned.end(),
-                   [](const BinnedPoint& a, const BinnedPoint& b) { return a.bin < b.bin; });
   return binned;
+}
+
+/// Whether a point is one of about one in `stride`. Not every so-many-th: that would pick whole rings.
+bool isChosen(int index, std::uint32_t stride) {
+  return stride <= 1 || (static_cast<std::uint32_t>(index) * 2654435761U >> 8) % stride == 0;
+}
+
+std::uint32_t strideFor(std::size_t points, std::size_t wanted) {
+  return wanted == 0 ? 1 : static_cast<std::uint32_t>((points + wanted - 1) / std::max<std::size_t>(1, wanted));
 }
 
 /// Adds one point's part of the quadratic form over (normal, -offset) of its plane. A range too long by e puts the
@@ -69,27 +83,27 @@ void LidarGroup::forEachBin(const WindowState& state, const InertialChain& chain
   }
 }
 
-void LidarGroup::fillMap(const WindowState& state, const InertialChain& chain, int first_scan, int stride,
+void LidarGroup::fillMap(const WindowState& state, const InertialChain& chain, int first_scan, std::uint32_t stride,
                          PlaneMap* map) const {
   for (std::size_t s = static_cast<std::size_t>(first_scan); s < scans_.size(); ++s) {
     forEachBin(state, chain, *scans_[s].raw,
                [&](TimeNs, int, const TimedSensorPose& pose, const auto& point, const BinnedPoint* binned,
                    std::size_t begin, std::size_t end) {
                  for (std::size_t k = begin; k < end; ++k) {
-                   if (binned[k - begin].index % stride == 0) map->addPoint(pose.T_W_S * point(k));
+                   if (isChosen(binned[k - begin].index, stride)) map->addPoint(pose.T_W_S * point(k));
                  }
                });
   }
 }
 
 void LidarGroup::link(const WindowState& state, const InertialChain& chain, const PlaneMap& map, int first_scan,
-                      double slack_m, bool board_known) {
+                      double slack_m, bool board_known, bool all_points) {
   const auto linkFrom = [&](std::size_t first, std::size_t stride) {
     for (std::size_t s = first; s < scans_.size(); s += stride) {
       Scan& scan = scans_[s];
       std::optional<BoardSegment> board;
       if (board_known && params_.board) board = findBoard(state, chain, scan, slack_m);
-      linkScan(state, chain, map, slack_m, board, &scan);
+      linkScan(state, chain, map, slack_m, all_points, board, &scan);
       scan.edges.clear();
       if (board) linkEdges(state, chain, *board, &scan);
     }
@@ -122,7 +136,7 @@ std::optional<BoardSegment> LidarGroup::findBoard(const WindowState& state, cons
 }
 
 void LidarGroup::linkScan(const WindowState& state, const InertialChain& chain, const PlaneMap& map, double slack_m,
-                          const std::optional<BoardSegment>& board, Scan* scan) const {
+                          bool all_points, const std::optional<BoardSegment>& board, Scan* scan) const {
   constexpr std::int16_t kNone = -1, kOnBoard = -2;
   scan->bins.clear();
   scan->square_m2 = scan->range_square_m2 = 0.0;
@@ -134,6 +148,7 @@ void LidarGroup::linkScan(const WindowState& state, const InertialChain& chain, 
   const Plane board_W = boardPlane(state.T_W_B);
   const double floor2 = params_.noise_floor_m * params_.noise_floor_m;
   const double range2 = range_sigma_m_ * range_sigma_m_;
+  const std::uint32_t stride = all_points ? 1 : strideFor(scan->raw->points.size(), params_.live_points);
   const auto addBin = [&](TimeNs stamp, int node, const TimedSensorPose& pose, const auto& point,
                           const BinnedPoint* binned, std::size_t begin, std::size_t end) {
     Bin bin;
@@ -142,6 +157,7 @@ void LidarGroup::linkScan(const WindowState& state, const InertialChain& chain, 
     for (std::size_t k = begin; k < end; ++k) {
       const auto index = static_cast<std::size_t>(binned[k - begin].index);
       std::int16_t& label = scan->plane[index];
+      if (label == kNone && !isChosen(binned[k - begin].index, stride)) continue;
       const Eigen::Vector3d p_L = point(k);
       const Eigen::Vector3d ray_L = p_L.normalized();
       const Eigen::Vector3d p_W = pose.T_W_S * p_L;

@@ -37,11 +37,10 @@ struct LidarRun {
     if (!fuser) return;
     for (LidarKeyframe& keyframe : keyframes) fuser->addLidar(std::move(keyframe));
     fuser->setLidarEstimate(calibrator.estimate());
-    while (fuser->wantsSolve() && fuser->solve()) {
-    }
+    while (fuser->wantsSolve() && fuser->solve()) ++solves;
   }
   LidarInertialCalibrator calibrator;
-  std::size_t count = 0;
+  std::size_t count = 0, solves = 0;
 };
 
 TEST(LidarInertialCalibrator, StartsFromNothingInAnyMounting) {
@@ -89,6 +88,32 @@ TEST(CoCalibrationFuser, RunsOnTheLidarAlone) {
   EXPECT_LT(estimate.calibration.T_imu_lidar.minus(s.lidar.T_imu_lidar()).head<3>().norm(), 3e-3);
   EXPECT_TRUE(fuser.latestState());
   EXPECT_FALSE(fuser.boardPose());
+}
+
+TEST(CoCalibrationFuser, RefreshesOnceASecondAndKeepsWhatItForgets) {
+  sim::Scenario s;
+  s.duration_s = 20.0;
+  FuserInputs inputs;
+  inputs.lidar = true;
+  FuserParams params;
+  params.live_window_s = 5.0;
+  params.window_s = 10.0;  // the record is shortened on the way
+  CoCalibrationFuser fuser(params, noiseOf(s), inputs);
+  const LidarRun run(s, &fuser);
+  const CalibrationEstimate live = fuser.estimate();
+  EXPECT_GE(run.solves, 12U);
+  fuser.finish();
+  const CalibrationEstimate last = fuser.estimate();
+  EXPECT_EQ(fuser.diagnostics().counts.at("failed solves of the record"), 0U);
+  EXPECT_GT(last.duration_s, 14.0);
+  for (const CalibrationEstimate& estimate : {live, last}) {
+    Vector6d sigma = estimate.covariance.diagonal().segment<6>(6).cwiseSqrt();
+    const Vector6d error = estimate.calibration.T_imu_lidar.minus(s.lidar.T_imu_lidar());
+    for (int i = 0; i < 6; ++i) EXPECT_LT(std::abs(error[i]), 4.0 * sigma[i]) << i;
+    EXPECT_LT(sigma.head<3>().norm(), 1e-3);  // the bound for 20 s and every point is 0.2 mm
+  }
+  // Every point, and planes from all sweeps: the last word is the more certain one.
+  EXPECT_LT(last.covariance.diagonal().segment<3>(6).sum(), live.covariance.diagonal().segment<3>(6).sum());
 }
 
 TEST(VisualInertialCalibrator, StartsFromNothingOnRenderedPictures) {

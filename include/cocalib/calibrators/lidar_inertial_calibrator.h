@@ -18,7 +18,7 @@ struct LidarInertialParams {
   double window_s = 5.0;           ///< length of the sliding window, 2..60
   double solve_period_s = 1.0;     ///< data time between two solves, 0.1..10
   double initialization_s = 12.0;  ///< data kept while nothing is known, 3..60
-  int max_points = 12000;          ///< points kept of a sweep, spread evenly, 500..200000
+  int max_points = 30000;          ///< points kept of a sweep, spread evenly, 500..200000
 
   /// @throws std::invalid_argument naming every broken bound
   void validate() const;

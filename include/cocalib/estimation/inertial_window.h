@@ -66,7 +66,8 @@ class InertialWindow {
   /// Associates: inertial segments, frames and landmarks, planes and lidar points.
   /// @param rebuild_planes  find the planes anew from all scans (only before anything was marginalized)
   /// @param slack_m         uncertainty of the current poses, for the gates
-  void relink(bool rebuild_planes, double slack_m);
+  /// @param all_points      every lidar point: for a last round, at twice the cost
+  void relink(bool rebuild_planes, double slack_m, bool all_points = false);
 
   /// Sets the noise of corners and ranges to what their residuals show; call it after optimize() and before
   /// marginalizing.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -23,7 +24,8 @@ class LidarGroup {
     double range_noise_m = 0.03;   ///< at the start; see learnRangeNoise()
     double noise_floor_m = 0.004;  ///< across the plane, whatever the incidence: bearing noise, roughness
     double gate_sigmas = 4.0;
-    double bin_s = 0.004;  ///< points of this long share one pose; within it rates count as constant
+    std::size_t live_points = 12000;  ///< of a scan, looked at by link() unless all are asked for; 0: all
+    double bin_s = 0.004;             ///< points of this long share one pose; within it rates count as constant
     std::optional<BoardGeometry> board;
   };
   explicit LidarGroup(const Params& params) : params_(params), range_sigma_m_(params.range_noise_m) {}
@@ -31,14 +33,16 @@ class LidarGroup {
   void addScan(std::shared_ptr<const LidarScan> scan);
   int scans() const { return static_cast<int>(scans_.size()); }
 
-  /// Adds the deskewed points of the scans from `first_scan` on to `map` (every `stride`-th), without those on the
+  /// Adds the deskewed points of the scans from `first_scan` on to `map` (one in `stride`), without those on the
   /// board.
-  void fillMap(const WindowState& state, const InertialChain& chain, int first_scan, int stride, PlaneMap* map) const;
+  void fillMap(const WindowState& state, const InertialChain& chain, int first_scan, std::uint32_t stride,
+               PlaneMap* map) const;
 
   /// Associates the points of the scans from `first_scan` on anew. `map` numbers planes as `state.planes` does.
-  /// @param slack_m  uncertainty of the current estimate, added to the gate
+  /// @param slack_m     uncertainty of the current estimate, added to the gate
+  /// @param all_points  every point, not Params::live_points of each scan
   void link(const WindowState& state, const InertialChain& chain, const PlaneMap& map, int first_scan, double slack_m,
-            bool board_known);
+            bool board_known, bool all_points);
 
   /// Adds all factors; or, with `end_node` >= 0, only those of nodes before it.
   void accumulate(const WindowState& state, const InertialChain& chain, int end_node, ChainSystem* system) const;
@@ -91,7 +95,7 @@ class LidarGroup {
   std::optional<BoardSegment> findBoard(const WindowState& state, const InertialChain& chain, const Scan& scan,
                                         double slack_m) const;
   void linkScan(const WindowState& state, const InertialChain& chain, const PlaneMap& map, double slack_m,
-                const std::optional<BoardSegment>& board, Scan* scan) const;
+                bool all_points, const std::optional<BoardSegment>& board, Scan* scan) const;
   void linkEdges(const WindowState& state, const InertialChain& chain, const BoardSegment& board, Scan* scan) const;
   void accumulateBin(const WindowState& state, const InertialChain& chain, const Bin& bin,
                      const std::vector<Eigen::Matrix<double, 4, 3>>& tangents, ChainSystem* system) const;

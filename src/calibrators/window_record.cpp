@@ -1,0 +1,94 @@
+#include "cocalib/calibrators/window_record.h"
+
+#include <algorithm>
+
+namespace cocalib {
+namespace {
+
+// How much longer than its length the record may grow before it is shortened: a round over all of it is dear.
+constexpr double kOverhang = 1.2;
+constexpr int kRoundIterations = 5;
+constexpr int kLastIterations = 10;
+constexpr double kStartSlack_m = 0.005;
+
+}  // namespace
+
+void WindowRecord::take(const InertialWindow& live, TimeNs until) {
+  const std::vector<NavState>& nodes = live.state().nodes;
+  const auto newer = [&](const NavState& node) { return !started_ || node.stamp > window_.state().nodes.back().stamp; };
+  for (const ImuSample& sample : live.imu().samples()) {
+    if (sample.stamp > until + toNs(0.1)) break;
+    if (window_.imu().empty() || sample.stamp > window_.imu().lastStamp()) window_.imu().push(sample);
+  }
+  for (const NavState& node : nodes) {
+    if (node.stamp >= until) break;
+    if (!newer(node)) continue;
+    if (!started_) {
+      window_.reset(node, live.state().calibration, live.state().gravity);
+      started_ = true;
+    } else {
+      window_.addNode(node);
+    }
+  }
+  if (!started_) return;
+  takeMeasurements();
+  const std::vector<NavState>& own = window_.state().nodes;
+  if (toSeconds(own.back().stamp - own.front().stamp) > kOverhang * length_s_) shorten(live.state().calibration);
+}
+
+void WindowRecord::takeMeasurements() {
+  const Calibration& c = window_.state().calibration;
+  const TimeNs begin = window_.state().nodes.front().stamp, end = window_.state().nodes.back().stamp;
+  for (; !frames_.empty(); frames_.pop_front()) {
+    const TimeNs stamp = frames_.front().stamp + toNs(c.camera_time_offset_s);
+    if (stamp > end) break;
+    if (stamp >= begin) window_.addFrame(frames_.front());
+  }
+  for (; !scans_.empty(); scans_.pop_front()) {
+    const LidarScan& scan = *scans_.front();
+    const TimeNs stamp = scan.stamp + toNs(c.lidar_time_offset_s);
+    if (stamp + toNs(scan.points.back().offset_s) > end) break;
+    if (stamp >= begin) window_.addScan(scans_.front());
+  }
+}
+
+void WindowRecord::solveRound(bool rebuild, double slack_m, int iterations, bool all_points) {
+  window_.relink(rebuild, slack_m, all_points);
+  if (window_.optimize(iterations).failed) {
+    ++failed_solves_;
+  } else {
+    window_.learnNoise();
+  }
+}
+
+/// Turns the oldest part into a prior, about states and calibration that fit all of the record.
+void WindowRecord::shorten(const Calibration& start) {
+  window_.setLinearization(start);
+  solveRound(!shortened_, kStartSlack_m, kRoundIterations, true);
+  const TimeNs oldest = window_.state().nodes.back().stamp - toNs(length_s_);
+  if (window_.marginalizeBefore(oldest)) {
+    shortened_ = true;
+  } else {
+    ++failed_solves_;
+  }
+}
+
+bool WindowRecord::solve(const Calibration& start, const std::function<void(double)>& progress) {
+  if (!started_ || window_.state().nodes.size() < 2) return false;
+  window_.setLinearization(start);
+  if (progress) progress(0.0);
+  solveRound(!shortened_, kStartSlack_m, kRoundIterations, false);
+  if (progress) progress(0.4);
+  solveRound(!shortened_, 0.0, kLastIterations, true);
+  if (progress) progress(1.0);
+  return true;
+}
+
+void WindowRecord::reset() {
+  window_.imu().clear();
+  frames_.clear();
+  scans_.clear();
+  started_ = shortened_ = false;
+}
+
+}  // namespace cocalib

@@ -1,0 +1,114 @@
+#include "cocalib/estimation/convergence.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+
+namespace cocalib {
+namespace {
+
+// What a difference may be beyond its covariance, in sigmas of the whole estimate: the noise is learnt on the way and
+// the points of linearisation move.
+constexpr double kTolerance = 0.5;
+constexpr double kFalseAlarmSigmas = 3.72;  // one in ten thousand
+constexpr const char* kAxes[] = {"x", "y", "z"};
+
+/// Quantile of the chi-square distribution (Wilson and Hilferty 1931; within 1 % from 3 degrees of freedom on).
+double chiSquareLimit(double degrees) {
+  const double a = 2.0 / (9.0 * degrees);
+  return degrees * std::pow(1.0 - a + kFalseAlarmSigmas * std::sqrt(a), 3.0);
+}
+
+Vector14d difference(const Calibration& a, const Calibration& b) {
+  Vector14d d;
+  d << a.T_imu_camera.minus(b.T_imu_camera), a.T_imu_lidar.minus(b.T_imu_lidar),
+      a.camera_time_offset_s - b.camera_time_offset_s, a.lidar_time_offset_s - b.lidar_time_offset_s;
+  return d;
+}
+
+std::string describe(int row, double value) {
+  char text[96];
+  const char* sensor = row < 6 || row == 12 ? "camera" : "lidar";
+  const int part = row % 6;
+  if (row >= 12) {
+    std::snprintf(text, sizeof text, "%s clock offset by %.2f ms", sensor, 1e3 * std::abs(value));
+  } else if (part < 3) {
+    std::snprintf(text, sizeof text, "%s translation along imu %s by %.1f mm", sensor, kAxes[part],
+                  1e3 * std::abs(value));
+  } else {
+    std::snprintf(text, sizeof text, "%s rotation about imu %s by %.3f deg", sensor, kAxes[part - 3],
+                  std::abs(value) * 57.29578);
+  }
+  return text;
+}
+
+}  // namespace
+
+std::optional<std::string> disagreement(const CalibrationEstimate& part, const CalibrationEstimate& all,
+                                        const std::vector<int>& rows) {
+  const auto n = static_cast<Eigen::Index>(rows.size());
+  const Vector14d whole = difference(all.calibration, part.calibration);
+  Eigen::VectorXd d(n);
+  Eigen::MatrixXd spread(n, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const int row = rows[static_cast<std::size_t>(i)];
+    const double sigma_i = std::sqrt(all.covariance(row, row));
+    if (!(sigma_i > 0.0)) return std::nullopt;
+    d[i] = whole[row] / sigma_i;
+    for (Eigen::Index j = 0; j < n; ++j) {
+      const int column = rows[static_cast<std::size_t>(j)];
+      const double sigma_j = std::sqrt(all.covariance(column, column));
+      spread(i, j) = (part.covariance(row, column) - all.covariance(row, column)) / (sigma_i * sigma_j);
+    }
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(spread);
+  if (eigen.info() != Eigen::Success) return std::nullopt;
+  const Eigen::VectorXd along = eigen.eigenvectors().transpose() * d;
+  double square = 0.0;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    square += along[i] * along[i] / (std::max(0.0, eigen.eigenvalues()[i]) + kTolerance * kTolerance);
+  }
+  if (square <= chiSquareLimit(static_cast<double>(n))) return std::nullopt;
+  Eigen::Index worst = 0;
+  (d.array().abs() / (spread.diagonal().array().max(0.0) + kTolerance * kTolerance).sqrt()).maxCoeff(&worst);
+  const int row = rows[static_cast<std::size_t>(worst)];
+  return describe(row, whole[row]);
+}
+
+double secondsToConverge(const CalibrationEstimate& estimate, bool camera, bool lidar,
+                         const ObservabilityThresholds& thresholds) {
+  double ratio = 0.0;
+  bool observable = true;
+  const auto look = [&](const SensorVerdict& verdict) {
+    observable = observable && verdict.valid && verdict.unobservable.empty();
+    ratio = std::max(ratio, verdict.sigma.head<3>().maxCoeff() / thresholds.converged_translation_m);
+    ratio = std::max(ratio, verdict.sigma.tail<3>().maxCoeff() / thresholds.converged_rotation_rad);
+    ratio = std::max(ratio, verdict.time_offset_sigma_s / thresholds.converged_time_offset_s);
+  };
+  if (camera) look(estimate.camera);
+  if (lidar) look(estimate.lidar);
+  if (!observable) return std::numeric_limits<double>::infinity();
+  return estimate.duration_s * std::max(0.0, ratio * ratio - 1.0);
+}
+
+void EstimateHistory::add(const CalibrationEstimate& estimate) {
+  if (estimates_.size() >= kMax) {
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < estimates_.size(); i += 2) estimates_[kept++] = std::move(estimates_[i]);
+    estimates_.resize(kept);
+  }
+  estimates_.push_back(estimate);
+}
+
+const CalibrationEstimate* EstimateHistory::half() const {
+  if (estimates_.empty()) return nullptr;
+  const double wanted = 0.5 * estimates_.back().duration_s;
+  const auto nearest = std::min_element(estimates_.begin(), estimates_.end(), [&](const auto& a, const auto& b) {
+    return std::abs(a.duration_s - wanted) < std::abs(b.duration_s - wanted);
+  });
+  return std::abs(nearest->duration_s - wanted) <= 0.4 * wanted ? &*nearest : nullptr;
+}
+
+}  // namespace cocalib
