@@ -5,6 +5,7 @@
 #include <deque>
 
 #include "cocalib/calibrators/convergence_judge.h"
+#include "cocalib/calibrators/keyframe_queues.h"
 #include "cocalib/calibrators/state_hints.h"
 #include "cocalib/calibrators/window_record.h"
 #include "cocalib/estimation/inertial_window.h"
@@ -52,6 +53,7 @@ struct CoCalibrationFuser::Impl {
   bool ready() const;
   std::optional<TimeNs> horizon() const;
   const StateHints& hints() const { return inputs.lidar ? lidar_hints : visual_hints; }
+  void boundQueues();
   void remember(const std::optional<NavState>& state, StateHints* hints) const;
   bool start();
   void extend(TimeNs until);
@@ -66,8 +68,7 @@ struct CoCalibrationFuser::Impl {
   InertialWindow window;  // the newest seconds, with a prior for what came before: solved once a second
   WindowRecord record;    // everything, for the last word
   ImuInbox inbox;
-  std::deque<VisualKeyframe> visual;
-  std::deque<LidarKeyframe> lidar;
+  KeyframeQueues queues;
   StateHints visual_hints, lidar_hints;
   CalibrationEstimate visual_alone, lidar_alone, estimate;
   ConvergenceJudge judge;
@@ -91,22 +92,23 @@ void CoCalibrationFuser::addVisual(VisualKeyframe keyframe) {
   Impl& m = *impl_;
   ++m.diagnostics.counts["visual keyframes"];
   m.remember(keyframe.state, &m.visual_hints);
-  m.visual.push_back(std::move(keyframe));
-  while (!m.started && m.visual.back().stamp - m.visual.front().stamp > toNs(m.params.window_s)) {
-    m.visual.pop_front();  // the other sensor has not started for a whole window
-    ++m.diagnostics.counts["visual keyframes too old"];
-  }
+  m.queues.visual.push_back(std::move(keyframe));
+  m.boundQueues();
 }
 
 void CoCalibrationFuser::addLidar(LidarKeyframe keyframe) {
   Impl& m = *impl_;
   ++m.diagnostics.counts["lidar keyframes"];
   m.remember(keyframe.state, &m.lidar_hints);
-  m.lidar.push_back(std::move(keyframe));
-  while (!m.started && m.lidar.back().scan.stamp - m.lidar.front().scan.stamp > toNs(m.params.window_s)) {
-    m.lidar.pop_front();
-    ++m.diagnostics.counts["lidar keyframes too old"];
-  }
+  m.queues.lidar.push_back(std::move(keyframe));
+  m.boundQueues();
+}
+
+/// Before the start one sensor may wait for the other for long: no more than a window of it will be used.
+void CoCalibrationFuser::Impl::boundQueues() {
+  if (started) return;
+  const std::size_t forgotten = queues.forgetOlderThan(params.window_s);
+  if (forgotten > 0) diagnostics.counts["keyframes too old"] += forgotten;
 }
 
 void CoCalibrationFuser::setVisualEstimate(const CalibrationEstimate& estimate) { impl_->visual_alone = estimate; }
@@ -124,21 +126,10 @@ bool CoCalibrationFuser::Impl::ready() const {
 }
 
 std::optional<TimeNs> CoCalibrationFuser::Impl::horizon() const {
-  std::optional<TimeNs> until;
-  const auto limit = [&](TimeNs stamp) { until = until ? std::min(*until, stamp) : stamp; };
-  const Calibration& c = window.state().calibration;
-  if (inputs.camera) {
-    if (visual.empty()) return std::nullopt;
-    const double offset = started ? c.camera_time_offset_s : visual_alone.calibration.camera_time_offset_s;
-    limit(visual.back().stamp + toNs(offset));
-  }
-  if (inputs.lidar) {
-    if (lidar.empty()) return std::nullopt;
-    const LidarScan& scan = lidar.back().scan;
-    const double offset = started ? c.lidar_time_offset_s : lidar_alone.calibration.lidar_time_offset_s;
-    limit(scan.stamp + toNs(offset + (scan.points.empty() ? 0.0 : scan.points.back().offset_s)));
-  }
-  return until;
+  const Calibration& camera = started ? window.state().calibration : visual_alone.calibration;
+  const Calibration& scanner = started ? window.state().calibration : lidar_alone.calibration;
+  return queues.horizon(inputs.camera ? std::optional<double>(camera.camera_time_offset_s) : std::nullopt,
+                        inputs.lidar ? std::optional<double>(scanner.lidar_time_offset_s) : std::nullopt);
 }
 
 bool CoCalibrationFuser::wantsSolve() const {
@@ -179,40 +170,21 @@ bool CoCalibrationFuser::Impl::start() {
 
 void CoCalibrationFuser::Impl::extend(TimeNs until) {
   const Calibration& c = window.state().calibration;
-  const double gravity = window.state().gravity;
-  const NavState& newest = window.state().nodes.back();
-  const Pose T_window_hint = alignWorlds(newest, hints().at(newest.stamp, window.imu(), gravity));
   const TimeNs begin = window.state().nodes.front().stamp;
-  const auto addNodeAt = [&](TimeNs stamp) {
-    const NavState& last = window.state().nodes.back();
-    if (stamp <= last.stamp) return;
-    NavState node = hints().at(stamp, window.imu(), gravity);
-    if (node.stamp != stamp) return;  // no inertial data there
-    node.T_W_I = T_window_hint * node.T_W_I;
-    node.v_W = T_window_hint.q * node.v_W;
-    node.gyro_bias = last.gyro_bias;
-    node.accel_bias = last.accel_bias;
-    window.addNode(node);
-  };
-  // A node at every picture, and between them where pictures are rare: measurements then stay near a node.
-  constexpr TimeNs kSpacing = 50000000;
-  const auto fillTo = [&](TimeNs stamp) {
-    const TimeNs from = window.state().nodes.back().stamp;
-    const auto steps = static_cast<int>((stamp - from + kSpacing / 2) / kSpacing);
-    for (int i = 1; i <= steps; ++i) addNodeAt(from + (stamp - from) * i / std::max(steps, 1));
-    addNodeAt(stamp);
-  };
+  HintedNodes nodes(hints(), &window);
+  std::deque<VisualKeyframe>& visual = queues.visual;
   for (; !visual.empty(); visual.pop_front()) {
     const TimeNs stamp = visual.front().stamp + toNs(c.camera_time_offset_s);
     if (stamp > until) break;
     if (stamp < begin) continue;
-    fillTo(stamp);
+    nodes.fillTo(stamp);
     window.addFrame(visual.front());
     record.keep(visual.front());
     ++keyframes;
     if (visual.front().board) ++board_views;
   }
-  fillTo(std::min(until, window.imu().lastStamp()));
+  nodes.fillTo(std::min(until, window.imu().lastStamp()));
+  std::deque<LidarKeyframe>& lidar = queues.lidar;
   for (; !lidar.empty(); lidar.pop_front()) {
     LidarScan& scan = lidar.front().scan;
     if (scan.points.empty()) continue;
@@ -348,8 +320,7 @@ void CoCalibrationFuser::reset() {
   Impl& m = *impl_;
   m.window.imu().clear();
   m.record.reset();
-  m.visual.clear();
-  m.lidar.clear();
+  m.queues.clear();
   m.visual_hints.clear();
   m.lidar_hints.clear();
   m.judge.reset();

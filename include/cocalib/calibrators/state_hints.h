@@ -3,6 +3,7 @@
 #include <deque>
 #include <optional>
 
+#include "cocalib/estimation/inertial_window.h"
 #include "cocalib/inertial/imu_buffer.h"
 #include "cocalib/measurements/measurements.h"
 
@@ -29,8 +30,22 @@ class StateHints {
   std::deque<NavState> states_;
 };
 
-/// Both worlds are gravity-aligned and so differ by a turn about the vertical and a shift: T_A_B from one state in
-/// both.
-Pose alignWorlds(const NavState& in_a, const NavState& in_b);
+/// Appends nodes to a window from hints in another world. Both worlds are gravity-aligned, so they differ by a turn
+/// about the vertical and a shift, taken at the window's last node.
+class HintedNodes {
+ public:
+  /// Both must outlive this.
+  HintedNodes(const StateHints& hints, InertialWindow* window);
+
+  /// A node at `stamp`, and between it and the last so many that measurements stay near one.
+  void fillTo(TimeNs stamp);
+
+ private:
+  void addNodeAt(TimeNs stamp);
+
+  const StateHints& hints_;
+  InertialWindow* window_;
+  Pose T_window_hint_;
+};
 
 }  // namespace cocalib
