@@ -67,9 +67,12 @@ class Report {
       two_step_.add(bench::twoStep(trial.visual, trial.lidar), trial.truth);
     }
     const Vector14d error = bench::errorOf(e.calibration, trial.truth);
-    std::printf("%s: %s, camera %.4f mrad %.4f mm, lidar %.4f mrad %.4f mm, cpu %.1f s\n", name.c_str(),
-                toString(e.status), 1e3 * error.segment<3>(3).norm(), 1e3 * error.head<3>().norm(),
-                1e3 * error.segment<3>(9).norm(), 1e3 * error.segment<3>(6).norm(), trial.cpu_s);
+    std::printf(
+        "%s: %s, camera %.4f mrad %.4f mm, lidar %.4f mrad %.4f mm; cpu s: camera %.1f lidar %.1f "
+        "joint %.1f last round %.1f\n",
+        name.c_str(), toString(e.status), 1e3 * error.segment<3>(3).norm(), 1e3 * error.head<3>().norm(),
+        1e3 * error.segment<3>(9).norm(), 1e3 * error.segment<3>(6).norm(), trial.cpu.camera_s, trial.cpu.lidar_s,
+        trial.cpu.joint_s, trial.cpu.last_round_s);
     if (e.status != Status::kConverged) std::printf("  %s\n", e.message.c_str());
     std::fflush(stdout);
     if (!csv_.is_open()) return;

@@ -120,7 +120,7 @@ class Run {
     const double begin = processCpu();
     for (VisualKeyframe& keyframe : visual_.addMeasurements(std::move(seen))) fuser_.addVisual(std::move(keyframe));
     fuser_.setVisualEstimate(visual_.estimate());
-    trial_.cpu_s += processCpu() - begin;
+    trial_.cpu.camera_s += processCpu() - begin;
   }
 
   void addScan(int k) {
@@ -128,7 +128,7 @@ class Run {
     const double begin = processCpu();
     for (LidarKeyframe& keyframe : lidar_.addScan(scan)) fuser_.addLidar(std::move(keyframe));
     fuser_.setLidarEstimate(lidar_.estimate());
-    trial_.cpu_s += processCpu() - begin;
+    trial_.cpu.lidar_s += processCpu() - begin;
   }
 
   void fuse() {
@@ -138,7 +138,7 @@ class Run {
       visual_.setJointCalibration(fuser_.estimate().calibration);
       lidar_.setJointCalibration(fuser_.estimate().calibration);
     }
-    trial_.cpu_s += processCpu() - begin;
+    trial_.cpu.joint_s += processCpu() - begin;
   }
 
   Trial finish() {
@@ -146,7 +146,7 @@ class Run {
     for (VisualKeyframe& keyframe : visual_.flush()) fuser_.addVisual(std::move(keyframe));
     for (LidarKeyframe& keyframe : lidar_.flush()) fuser_.addLidar(std::move(keyframe));
     fuser_.finish();
-    trial_.cpu_s += processCpu() - begin;
+    trial_.cpu.last_round_s += processCpu() - begin;
     trial_.truth = truthOf(scenario_);
     trial_.visual = visual_.estimate();
     trial_.lidar = lidar_.estimate();

@@ -18,7 +18,9 @@ struct TrialOptions {
 struct Trial {
   Calibration truth;
   CalibrationEstimate visual, lidar, joint;  ///< visual and lidar: of the two calibrators alone
-  double cpu_s = 0.0;                        ///< of the estimators, without the simulation
+  struct Cpu {
+    double camera_s = 0.0, lidar_s = 0.0, joint_s = 0.0, last_round_s = 0.0;
+  } cpu;  ///< of the estimators, without the simulation
 };
 
 /// Runs the three calibrators on simulated measurements: corners and tracks with white noise instead of pictures,

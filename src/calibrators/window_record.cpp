@@ -7,7 +7,8 @@ namespace {
 
 // How much longer than its length the record may grow before it is shortened: a round over all of it is dear.
 constexpr double kOverhang = 1.2;
-constexpr int kRoundIterations = 5;
+constexpr int kShortenIterations = 5;
+constexpr int kFirstIterations = 2;  // for better planes: what the last round starts from
 constexpr int kLastIterations = 10;
 constexpr double kStartSlack_m = 0.005;
 
@@ -64,7 +65,7 @@ void WindowRecord::solveRound(bool rebuild, double slack_m, int iterations, bool
 /// Turns the oldest part into a prior, about states and calibration that fit all of the record.
 void WindowRecord::shorten(const Calibration& start) {
   window_.setLinearization(start);
-  solveRound(!shortened_, kStartSlack_m, kRoundIterations, true);
+  solveRound(!shortened_, kStartSlack_m, kShortenIterations, true);
   const TimeNs oldest = window_.state().nodes.back().stamp - toNs(length_s_);
   if (window_.marginalizeBefore(oldest)) {
     shortened_ = true;
@@ -77,7 +78,7 @@ bool WindowRecord::solve(const Calibration& start, const std::function<void(doub
   if (!started_ || window_.state().nodes.size() < 2) return false;
   window_.setLinearization(start);
   if (progress) progress(0.0);
-  solveRound(!shortened_, kStartSlack_m, kRoundIterations, false);
+  solveRound(!shortened_, kStartSlack_m, kFirstIterations, false);
   if (progress) progress(0.4);
   solveRound(!shortened_, 0.0, kLastIterations, true);
   if (progress) progress(1.0);

@@ -13,7 +13,11 @@ namespace {
 constexpr double kGaugeSigma =
     1e-4;  // position [m] and heading [rad] of the first node: fixed, nothing depends on them
 constexpr double kUnknownOutline = 0.05;  // m, 1 sigma, where the rig file gives no plate size
-constexpr double kMaxLambda = 1e8;
+// The biases' random walk is so small that even a millionth of its information, summed over the nodes of a window,
+// outweighs what the data say about the bias: more damping than this would hold it back for many iterations.
+constexpr double kFirstLambda = 1e-10, kMinLambda = 1e-12, kMaxLambda = 1e8;
+constexpr double kNegligible = 1e-2;  // decrease of the cost: a seventh of a sigma of one parameter
+constexpr double kInvisible = 1e-3;
 
 void addDiagonalPrior(ChainSystem* system, int column, double error, double sigma) {
   const double w = 1.0 / (sigma * sigma);
@@ -50,6 +54,7 @@ void InertialWindow::reset(const NavState& first, const Calibration& calibration
   if (params_.lidar) lidar_.emplace(*params_.lidar);
   plane_map_.clear();
   prior_.reset();
+  solved_.reset();
   board_known_ = false;
   linked_scans_ = 0;
 }
@@ -58,6 +63,7 @@ void InertialWindow::addNode(const NavState& state) {
   const double spacing = toSeconds(state.stamp - state_.nodes.back().stamp);
   if (spacing < params_.max_node_spacing_s / 3.0) return;
   state_.nodes.push_back(state);
+  solved_.reset();
 }
 
 void InertialWindow::extendTo(TimeNs stamp) {
@@ -89,6 +95,7 @@ void InertialWindow::startBoard() {
 
 void InertialWindow::relink(bool rebuild_planes, double slack_m, bool all_points) {
   updateChain();
+  solved_.reset();
   if (camera_) {
     camera_->relink(state_, chain_);
     if (!board_known_ && params_.camera->board) startBoard();
@@ -191,8 +198,9 @@ InertialWindow::Summary InertialWindow::optimize(int max_iterations) {
   const int globals = GlobalLayout::size(static_cast<int>(state_.planes.size()));
   ChainSystem system(nodes, globals);
   build(state_, -1, &system);
+  solved_.reset();
   summary.first_cost = summary.last_cost = system.cost;
-  double lambda = 1e-6;
+  double lambda = kFirstLambda;
   while (summary.iterations < max_iterations && lambda < kMaxLambda) {
     ChainSystem::Step step;
     if (!system.solve(lambda, &step)) {
@@ -200,6 +208,11 @@ InertialWindow::Summary InertialWindow::optimize(int max_iterations) {
       continue;
     }
     ++summary.iterations;
+    if (step.predicted_decrease < kInvisible) {  // not worth a look at what it really brings
+      state_ = state_.plus(step);
+      if (camera_) camera_->moveLandmarks(step);
+      break;
+    }
     const WindowState candidate = state_.plus(step);
     if (camera_) camera_->moveLandmarks(step);
     ChainSystem next(nodes, globals);
@@ -216,20 +229,23 @@ InertialWindow::Summary InertialWindow::optimize(int max_iterations) {
     const double decrease = system.cost - next.cost;
     state_ = candidate;
     system = std::move(next);
-    lambda = std::max(0.1 * lambda, 1e-9);
-    if (decrease < 1e-2 && step.predicted_decrease < 1e-2) break;
+    lambda = std::max(0.1 * lambda, kMinLambda);
+    if (decrease < kNegligible && step.predicted_decrease < kNegligible) break;
   }
   summary.last_cost = system.cost;
   summary.failed = lambda >= kMaxLambda;
+  solved_ = std::move(system);
   return summary;
 }
 
 bool InertialWindow::calibrationCovariance(Matrix14d* covariance) {
-  ChainSystem system(static_cast<int>(state_.nodes.size()), GlobalLayout::size(static_cast<int>(state_.planes.size())));
-  build(state_, -1, &system);
+  if (!solved_) {
+    solved_.emplace(static_cast<int>(state_.nodes.size()), GlobalLayout::size(static_cast<int>(state_.planes.size())));
+    build(state_, -1, &*solved_);
+  }
   Eigen::MatrixXd H;
   Eigen::VectorXd b;
-  if (!system.globalInformation(&H, &b)) return false;
+  if (!solved_->globalInformation(&H, &b)) return false;
   const Eigen::LLT<Eigen::MatrixXd> llt(H);
   if (llt.info() != Eigen::Success) return false;
   Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(H.rows(), 14);
@@ -244,6 +260,7 @@ bool InertialWindow::marginalizeBefore(TimeNs stamp) {
   const int count = nodeAt(state_.nodes, stamp);
   const int nodes = static_cast<int>(state_.nodes.size());
   if (count < 1 || count + 2 > nodes) return true;
+  solved_.reset();
   ChainSystem system(nodes, GlobalLayout::size(static_cast<int>(state_.planes.size())));
   build(state_, count, &system);
   ChainSystem::Marginal marginal;

@@ -16,7 +16,7 @@ namespace cocalib {
 /// Settings of CoCalibrationFuser.
 struct FuserParams {
   double window_s = 90.0;        ///< data kept for the last word, finish(); older data becomes a prior, 10..600
-  double live_window_s = 10.0;   ///< data solved for again every time; older data becomes a prior, 5..60
+  double live_window_s = 6.0;    ///< data solved for again every time; older data becomes a prior, 5..60
   double first_solve_s = 4.0;    ///< data needed for the first solve, 1..60
   double solve_period_s = 1.0;   ///< data time between two solves, 0.5..60
   double range_noise_m = 0.03;   ///< of the lidar, 1 sigma

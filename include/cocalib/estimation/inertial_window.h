@@ -91,7 +91,10 @@ class InertialWindow {
   bool marginalizeBefore(TimeNs stamp);
 
   /// Replaces the shared start values: the joint calibration fed back (never as information).
-  void setLinearization(const Calibration& calibration) { state_.calibration = calibration; }
+  void setLinearization(const Calibration& calibration) {
+    state_.calibration = calibration;
+    solved_.reset();
+  }
 
  private:
   struct Prior {  // 1/2 d^T H d + b^T d with d = state minus base
@@ -113,6 +116,7 @@ class InertialWindow {
   std::optional<LidarGroup> lidar_;
   PlaneMap plane_map_;
   std::optional<Prior> prior_;
+  std::optional<ChainSystem> solved_;  // of the last optimize(), while nothing has changed since
   bool board_known_ = false;
   int linked_scans_ = 0;
 };
