@@ -19,7 +19,11 @@ struct BinnedPoint {
 /// The points of a sweep by time, in bins of equal length (a counting sort: sweeps have few bins and come in any
 /// order).
 std::vector<BinnedPoint> sortIntoBins(const LidarScan& scan, double bin_s) {
-  const auto binOf = [&](const LidarPoint& point) { return static_cast<std::size_t>(point.offset_s / bin_s); };
+  constexpr double kMaxBins = 4096.0;  // 16 s: no sweep is longer, and what lies about its time costs no memory
+  const auto binOf = [&](const LidarPoint& point) {
+    const double bin = point.offset_s / bin_s;
+    return bin > 0.0 && bin < kMaxBins ? static_cast<std::size_t>(bin) : std::size_t{0};
+  };
   std::size_t bins = 0;
   for (const LidarPoint& point : scan.points) bins = std::max(bins, binOf(point) + 1);
   std::vector<std::size_t> place(bins + 1, 0);
