@@ -7,8 +7,8 @@ namespace {
 
 // How much longer than its length the record may grow before it is shortened: a round over all of it is dear.
 constexpr double kOverhang = 1.2;
-constexpr int kShortenIterations = 5;
-constexpr int kFirstIterations = 2;  // for better planes: what the last round starts from
+constexpr int kShortenIterations = 2;  // the states are good; the rest waits for the last round
+constexpr int kFirstIterations = 2;    // for better planes: what the last round starts from
 constexpr int kLastIterations = 10;
 constexpr double kStartSlack_m = 0.005;
 
