@@ -53,24 +53,8 @@ std::vector<RelativeSensorRotation> CameraExploration::rotations(const std::vect
   return out;
 }
 
-std::optional<Alignment> CameraExploration::align(const ImuBuffer& imu, const std::vector<VisualKeyframe>& frames,
-                                                  const std::optional<Pose>& guess_T_imu_camera,
-                                                  std::string* reason) const {
-  const std::vector<SensorPose> board_poses = boardPoses(frames);
-  const std::vector<RelativeSensorRotation> turns = rotations(frames, board_poses);
-  const RotationInitializerParams settings;
-  auto rotation = initializeRotation(imu, turns, settings, reason);
-  if (!rotation && guess_T_imu_camera) {
-    rotation = rotationFromGuess(imu, turns, guess_T_imu_camera->q, settings, reason);
-  }
-  if (!rotation) return std::nullopt;
-  AlignmentParams params = guess_T_imu_camera ? AlignmentParams::around(guess_T_imu_camera->t) : AlignmentParams();
-  if (board_poses.size() >= kMinBoardViews &&
-      static_cast<double>(board_poses.size()) >= kBoardShare * static_cast<double>(frames.size())) {
-    params.position_sigma_m = kBoardPositionSigma_m;
-    return alignFromPoses(imu, *rotation, board_poses, params, reason);
-  }
-  std::vector<BearingFrame> bearings;
+std::vector<BearingFrame> CameraExploration::bearings(const std::vector<VisualKeyframe>& frames) const {
+  std::vector<BearingFrame> all;
   for (const VisualKeyframe& frame : frames) {
     BearingFrame out;
     out.stamp = frame.stamp;
@@ -80,9 +64,55 @@ std::optional<Alignment> CameraExploration::align(const ImuBuffer& imu, const st
       out.ids.push_back(track.id);
       out.bearings_C.push_back(*bearing);
     }
-    bearings.push_back(std::move(out));
+    all.push_back(std::move(out));
   }
-  return alignFromTracks(imu, *rotation, bearings, params, reason);
+  return all;
+}
+
+/// Poses only where the board carries the alignment; tracks have no metric ones.
+SensorMotion CameraExploration::ownMotion(const std::vector<VisualKeyframe>& frames) const {
+  SensorMotion motion;
+  motion.poses = boardPoses(frames);
+  motion.position_sigma_m = kBoardPositionSigma_m;
+  motion.rotations = rotations(frames, motion.poses);
+  const double share = static_cast<double>(motion.poses.size()) / static_cast<double>(frames.size());
+  if (motion.poses.size() >= kMinBoardViews && share >= kBoardShare) return motion;
+  motion.poses.clear();
+  motion.bearings = bearings(frames);
+  return motion;
+}
+
+std::optional<Alignment> CameraExploration::align(const ImuBuffer& imu, const std::vector<VisualKeyframe>& frames,
+                                                  std::string* reason) const {
+  const SensorMotion motion = ownMotion(frames);
+  const auto rotation = initializeRotation(imu, motion.rotations, RotationInitializerParams(), reason);
+  if (!rotation) return std::nullopt;
+  OpenStart start{*rotation, AlignmentParams()};
+  if (!motion.poses.empty()) start.alignment.position_sigma_m = motion.position_sigma_m;
+  return alignFrom(imu, motion, start, reason);
+}
+
+std::optional<Alignment> CameraExploration::alignOpenly(const ImuBuffer& imu, const std::vector<VisualKeyframe>& frames,
+                                                        const std::optional<Pose>& guess_T_imu_camera,
+                                                        std::string* reason) const {
+  const SensorMotion motion = ownMotion(frames);
+  const auto start = openStart(imu, motion, guess_T_imu_camera, reason);
+  if (!start) return std::nullopt;
+  return alignFrom(imu, motion, *start, reason);
+}
+
+std::optional<Alignment> CameraExploration::alignFrom(const ImuBuffer& imu, const SensorMotion& motion,
+                                                      const OpenStart& start, std::string* reason) const {
+  if (!motion.poses.empty()) return alignFromPoses(imu, start.rotation, motion.poses, start.alignment, reason);
+  return alignFromTracks(imu, start.rotation, motion.bearings, start.alignment, reason);
+}
+
+bool CameraExploration::seesEnough(const std::vector<VisualKeyframe>& frames) const {
+  constexpr std::size_t kFewestTracks = 15;
+  const auto seeing = std::count_if(frames.begin(), frames.end(), [&](const VisualKeyframe& frame) {
+    return (board_ && frame.board) || frame.tracks.size() >= kFewestTracks;
+  });
+  return 2 * static_cast<std::size_t>(seeing) > frames.size() && frames.size() >= kMinBoardViews;
 }
 
 VisualKeyframe thinTracks(const VisualKeyframe& frame, double rate_hz) {

@@ -6,6 +6,7 @@
 
 #include "cocalib/calibrators/convergence_judge.h"
 #include "cocalib/calibrators/keyframe_queues.h"
+#include "cocalib/calibrators/separate_estimates.h"
 #include "cocalib/calibrators/state_hints.h"
 #include "cocalib/calibrators/window_record.h"
 #include "cocalib/estimation/inertial_window.h"
@@ -50,6 +51,7 @@ struct CoCalibrationFuser::Impl {
         record(windowParams(p, noise, in), p.window_s),
         judge(in.camera.has_value(), in.lidar) {}
 
+  bool relayUnseen();
   bool ready() const;
   std::optional<TimeNs> horizon() const;
   const StateHints& hints() const { return inputs.lidar ? lidar_hints : visual_hints; }
@@ -111,8 +113,24 @@ void CoCalibrationFuser::Impl::boundQueues() {
   if (forgotten > 0) diagnostics.counts["keyframes too old"] += forgotten;
 }
 
-void CoCalibrationFuser::setVisualEstimate(const CalibrationEstimate& estimate) { impl_->visual_alone = estimate; }
-void CoCalibrationFuser::setLidarEstimate(const CalibrationEstimate& estimate) { impl_->lidar_alone = estimate; }
+bool CoCalibrationFuser::setVisualEstimate(const CalibrationEstimate& estimate) {
+  impl_->visual_alone = estimate;
+  return impl_->relayUnseen();
+}
+
+bool CoCalibrationFuser::setLidarEstimate(const CalibrationEstimate& estimate) {
+  impl_->lidar_alone = estimate;
+  return impl_->relayUnseen();
+}
+
+bool CoCalibrationFuser::Impl::relayUnseen() {
+  if (started) return false;
+  const auto alone = unseenSideBySide(inputs.camera ? &visual_alone : nullptr, inputs.lidar ? &lidar_alone : nullptr);
+  if (!alone) return false;
+  estimate = *alone;
+  diagnostics.message = estimate.message;
+  return true;
+}
 
 void CoCalibrationFuser::Impl::remember(const std::optional<NavState>& state, StateHints* hints) const {
   hints->add(state);
@@ -120,8 +138,8 @@ void CoCalibrationFuser::Impl::remember(const std::optional<NavState>& state, St
 }
 
 bool CoCalibrationFuser::Impl::ready() const {
-  const bool camera_ready = !inputs.camera || visual_alone.camera.valid;
-  const bool lidar_ready = !inputs.lidar || lidar_alone.lidar.valid;
+  const bool camera_ready = !inputs.camera || isSeen(visual_alone.camera);
+  const bool lidar_ready = !inputs.lidar || isSeen(lidar_alone.lidar);
   return camera_ready && lidar_ready && !hints().empty();
 }
 
@@ -157,11 +175,8 @@ bool CoCalibrationFuser::Impl::start() {
     calibration.lidar_time_offset_s = lidar_alone.calibration.lidar_time_offset_s;
   }
   const double gravity = inputs.lidar ? lidar_alone.gravity : visual_alone.gravity;
-  // What a start leaves open came from a guess, to about 0.1 m: held to it here too, or noise would move it by metres.
-  const bool open = !visual_alone.camera.unobservable.empty() || !lidar_alone.lidar.unobservable.empty();
-  const double prior_m = open ? 0.1 : WindowPriors().extrinsic_translation_m;
-  window.setTranslationPrior(prior_m);
-  record.setTranslationPrior(prior_m);
+  window.setTranslationPriors(leverPrior(visual_alone.camera), leverPrior(lidar_alone.lidar));
+  record.setTranslationPriors(leverPrior(visual_alone.camera), leverPrior(lidar_alone.lidar));
   window.reset(*first, calibration, gravity);
   first_stamp = first->stamp;
   started = true;
@@ -291,7 +306,7 @@ void CoCalibrationFuser::Impl::publish(InertialWindow* from) {
     // The live window forgets; what it once had counts.
     estimate.quality.board_lidar_points = std::max(estimate.quality.board_lidar_points, scans->boardPoints());
   }
-  judge.judge(visual_alone, lidar_alone, &estimate);
+  judge.judge(visual_alone, lidar_alone, from->cameraScaleUnseen(), &estimate);
   diagnostics.stage = toString(estimate.status);
   diagnostics.message = estimate.message;
 }

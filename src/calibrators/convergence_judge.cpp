@@ -10,9 +10,9 @@ constexpr double kLongestForecast_s = 3600.0;
 }  // namespace
 
 void ConvergenceJudge::judge(const CalibrationEstimate& camera_alone, const CalibrationEstimate& lidar_alone,
-                             CalibrationEstimate* joint) {
+                             bool camera_scale_unseen, CalibrationEstimate* joint) {
   const ObservabilityThresholds thresholds;
-  judgeEstimate(camera_, lidar_, thresholds, joint);
+  judgeEstimate(camera_, lidar_, thresholds, joint, camera_scale_unseen);
   history_.add(*joint);
   if (joint->status == Status::kConverged) {
     const std::string why_not = doubt(camera_alone, lidar_alone, *joint);

@@ -7,7 +7,7 @@
 #include "cocalib/estimation/inertial_window.h"
 #include "cocalib/estimation/observability.h"
 #include "cocalib/inertial/imu_inbox.h"
-#include "cocalib/initialization/alignment.h"
+#include "cocalib/initialization/open_start.h"
 #include "cocalib/lidar/lidar_odometry.h"
 
 namespace cocalib {
@@ -15,7 +15,8 @@ namespace {
 
 constexpr double kFirstTry_s = 4.0;  // of odometry, before the first attempt at a mounting
 constexpr double kTryPeriod_s = 1.0;
-constexpr double kGuessShare = 0.8;  // of initialization_s without success, before the guess stands in
+constexpr double kOpenShare = 0.8;        // of initialization_s without success, before a part may stay open
+constexpr std::size_t kFewestPoses = 30;  // to say that the motion, not the data, is what is missing
 constexpr double kStartSlacks_m[] = {0.15, 0.05, 0.02, 0.0};
 constexpr int kStartIterations = 6;
 constexpr int kIterations = 2;
@@ -56,7 +57,9 @@ struct LidarInertialCalibrator::Impl {
 
   void explore(const std::shared_ptr<const LidarScan>& scan);
   bool tryToStart();
-  std::optional<Alignment> align(const std::optional<Pose>& from, std::string* reason);
+  SensorMotion ownMotion() const;
+  std::optional<Alignment> align(bool open, std::string* reason);
+  void declareUnseen(std::string* reason);
   void startWindow(const Alignment& alignment);
   void advance();
   void solve();
@@ -143,39 +146,61 @@ bool LidarInertialCalibrator::Impl::tryToStart() {
   if (toSeconds(now - poses.front().begin) < kFirstTry_s || toSeconds(now - last_try) < kTryPeriod_s) return false;
   last_try = now;
   std::string reason;
-  auto alignment = align(std::nullopt, &reason);
-  if (!alignment && guess && toSeconds(now - poses.front().begin) >= kGuessShare * params.initialization_s) {
-    std::string doubt;
-    alignment = align(guess, &doubt);
-    if (!alignment) reason += " (nor does it start from the initial guess: " + doubt + ")";
+  auto alignment = align(false, &reason);
+  if (!alignment && toSeconds(now - poses.front().begin) >= kOpenShare * params.initialization_s) {
+    alignment = align(true, &reason);
+    if (!alignment) declareUnseen(&reason);
   }
   if (!alignment) {
     diagnostics.message = estimate.message = reason;
     return false;
   }
+  returnUnseenToPrior(&*alignment);
   startWindow(*alignment);
   return true;
 }
 
-/// @param from  a guess that stands in for what the motion leaves open; nothing: the motion must show everything
-std::optional<Alignment> LidarInertialCalibrator::Impl::align(const std::optional<Pose>& from, std::string* reason) {
-  std::vector<RelativeSensorRotation> rotations;
-  std::vector<SensorPose> middle;
+SensorMotion LidarInertialCalibrator::Impl::ownMotion() const {
+  SensorMotion motion;
   for (std::size_t i = 0; i < poses.size(); ++i) {
     if (!poses[i].good) continue;
     const TimeNs stamp = poses[i].begin + (poses[i].end - poses[i].begin) / 2;
-    middle.push_back({stamp, poses[i].at(0.5)});
+    motion.poses.push_back({stamp, poses[i].at(0.5), poses[i].seen_directions});
     if (i == 0 || !poses[i - 1].good) continue;
-    const SensorPose& before = middle[middle.size() - 2];
-    rotations.push_back({before.stamp, stamp, before.T_M_S.q.conjugate() * middle.back().T_M_S.q});
+    const SensorPose& before = motion.poses[motion.poses.size() - 2];
+    motion.rotations.push_back({before.stamp, stamp, before.T_M_S.q.conjugate() * motion.poses.back().T_M_S.q});
   }
-  const RotationInitializerParams settings;
-  auto rotation = initializeRotation(window.imu(), rotations, settings, reason);
+  return motion;
+}
+
+/// @param open  take the guess, or a broad prior, for what the motion leaves open; otherwise it must show everything
+std::optional<Alignment> LidarInertialCalibrator::Impl::align(bool open, std::string* reason) {
+  const SensorMotion motion = ownMotion();
+  if (open) {
+    const auto start = openStart(window.imu(), motion, guess, reason);
+    if (!start) return std::nullopt;
+    return alignFromPoses(window.imu(), start->rotation, motion.poses, start->alignment, reason);
+  }
+  const auto rotation = initializeRotation(window.imu(), motion.rotations, RotationInitializerParams(), reason);
   diagnostics.stage = rotation ? "rotation found" : "waiting for motion";
-  if (!rotation && from) rotation = rotationFromGuess(window.imu(), rotations, from->q, settings, reason);
   if (!rotation) return std::nullopt;
-  const AlignmentParams alignment = from ? AlignmentParams::around(from->t) : AlignmentParams();
-  return alignFromPoses(window.imu(), *rotation, middle, alignment, reason);
+  return alignFromPoses(window.imu(), *rotation, motion.poses, AlignmentParams(), reason);
+}
+
+/// If the data are there: what has been moved, or what has been seen, shows nothing of the mounting.
+void LidarInertialCalibrator::Impl::declareUnseen(std::string* reason) {
+  const auto fits = std::count_if(poses.begin(), poses.end(), [](const auto& pose) { return pose.registered; });
+  const bool imu_there = !window.imu().empty() && window.imu().firstStamp() <= poses.front().end;
+  if (static_cast<std::size_t>(fits) < kFewestPoses || !imu_there) return;
+  const auto good = std::count_if(poses.begin(), poses.end(), [](const auto& pose) { return pose.good; });
+  if (2 * good < fits) {
+    *reason =
+        "all surfaces that the lidar sees face one way, so that its rotation shows in part only: "
+        "move where walls face different ways";
+  }
+  estimate = unseenEstimate(Sensor::kLidar, guess);
+  estimate.stamp = poses.back().end;
+  estimate.duration_s = toSeconds(poses.back().end - poses.front().begin);
 }
 
 void LidarInertialCalibrator::Impl::startWindow(const Alignment& alignment) {

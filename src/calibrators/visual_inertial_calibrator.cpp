@@ -16,7 +16,7 @@ namespace {
 
 constexpr double kFirstTry_s = 3.0;  // of pictures, before the first attempt at a mounting
 constexpr double kTryPeriod_s = 1.0;
-constexpr double kGuessShare = 0.8;  // of initialization_s without success, before the guess stands in
+constexpr double kOpenShare = 0.8;  // of initialization_s without success, before a part may stay open
 // A search costs as much as twenty tracked pictures; once the window predicts the board there is nothing left to
 // search.
 constexpr double kSearchPeriod_s = 0.8;
@@ -229,17 +229,22 @@ bool VisualInertialCalibrator::Impl::tryToStart() {
   std::string reason;
   const CameraExploration exploration(camera, board);
   const std::vector<VisualKeyframe> frames(explored.begin(), explored.end());
-  auto alignment = exploration.align(window.imu(), frames, std::nullopt, &reason);
-  if (!alignment && guess && toSeconds(now - frames.front().stamp) >= kGuessShare * params.initialization_s) {
-    std::string doubt;
-    alignment = exploration.align(window.imu(), frames, guess, &doubt);
-    if (!alignment) reason += " (nor does it start from the initial guess: " + doubt + ")";
+  auto alignment = exploration.align(window.imu(), frames, &reason);
+  if (!alignment && toSeconds(now - frames.front().stamp) >= kOpenShare * params.initialization_s) {
+    alignment = exploration.alignOpenly(window.imu(), frames, guess, &reason);
+    const bool imu_there = !window.imu().empty() && window.imu().firstStamp() <= now;
+    if (!alignment && imu_there && exploration.seesEnough(frames)) {
+      estimate = unseenEstimate(Sensor::kCamera, guess);
+      estimate.stamp = now;
+      estimate.duration_s = toSeconds(now - frames.front().stamp);
+    }
   }
   if (!alignment) {
     diagnostics.stage = "waiting for motion";
     diagnostics.message = estimate.message = reason;
     return false;
   }
+  returnUnseenToPrior(&*alignment);
   startWindow(*alignment);
   return true;
 }
@@ -298,7 +303,7 @@ void VisualInertialCalibrator::Impl::publish() {
   estimate.quality.board_views = group.boardViews();
   estimate.quality.reprojection_rms_px = group.sawBoard() ? group.cornerRms() : group.trackRms();
   estimate.quality.keyframes = static_cast<int>(state.nodes.size());
-  judgeEstimate(true, false, ObservabilityThresholds(), &estimate);
+  judgeEstimate(true, false, ObservabilityThresholds(), &estimate, window.cameraScaleUnseen());
   diagnostics.message = estimate.message;
 }
 

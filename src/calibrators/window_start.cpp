@@ -5,9 +5,17 @@
 
 namespace cocalib {
 
+void returnUnseenToPrior(Alignment* alignment) {
+  const Eigen::Matrix3Xd unseen = LeverExcitation().unseen(alignment->states).directions;
+  const Eigen::Vector3d lever = alignment->T_imu_sensor.t;
+  const Eigen::Vector3d shift = unseen * (unseen.transpose() * (alignment->lever_arm_guess - lever));
+  alignment->T_imu_sensor.t += shift;
+  for (NavState& state : alignment->states) state.T_W_I.t -= state.T_W_I.q * shift;
+}
+
 void startNodes(const Alignment& alignment, const Calibration& calibration, InertialWindow* window) {
   constexpr double kSpacing_s = 0.05;
-  window->setTranslationPrior(alignment.lever_arm_prior_m);
+  window->setTranslationPriors(alignment.lever_arm_prior_m, alignment.lever_arm_prior_m);
   window->reset(alignment.states.front(), calibration, alignment.gravity);
   for (std::size_t i = 0; i + 1 < alignment.states.size(); ++i) {
     const NavState& from = alignment.states[i];

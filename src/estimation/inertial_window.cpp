@@ -55,6 +55,7 @@ void InertialWindow::reset(const NavState& first, const Calibration& calibration
   plane_map_.clear();
   prior_.reset();
   solved_.reset();
+  excitation_ = LeverExcitation();
   board_known_ = false;
   linked_scans_ = 0;
 }
@@ -115,19 +116,20 @@ void InertialWindow::relink(bool rebuild_planes, double slack_m, bool all_points
   linked_scans_ = lidar_->scans();
 }
 
-void InertialWindow::addPriors(const WindowState& state, ChainSystem* system) const {
+/// Knowledge of what is shared, from before any data. Never part of a marginalization, so that it stays what it was.
+void InertialWindow::addGlobalPriors(const WindowState& state, ChainSystem* system) const {
   using Layout = GlobalLayout;
   // Board and planes have no prior to speak of; these only keep an unseen one regular.
   for (int i = 0; i < 6; ++i) addDiagonalPrior(system, Layout::kBoard + i, 0.0, 1e3);
   for (int i = Layout::kFixed; i < system->globals(); ++i) addDiagonalPrior(system, i, 0.0, 1e3);
-  if (prior_) return;  // the rest is part of it since the first marginalization
 
   const WindowPriors& prior = params_.priors;
   const Eigen::VectorXd d = globalMinus(state, origin_);
   addDiagonalPrior(system, Layout::kGravity, d[Layout::kGravity], prior.gravity);
   for (const int block : {Layout::kCamera, Layout::kLidar}) {
+    const double translation_m = block == Layout::kCamera ? prior.camera_translation_m : prior.lidar_translation_m;
     for (int i = 0; i < 3; ++i) {
-      addDiagonalPrior(system, block + i, d[block + i], prior.extrinsic_translation_m);
+      addDiagonalPrior(system, block + i, d[block + i], translation_m);
       addDiagonalPrior(system, block + 3 + i, d[block + 3 + i], prior.extrinsic_rotation_rad);
     }
     addDiagonalPrior(system, block + 6, d[block + 6], prior.time_offset_s);
@@ -138,7 +140,11 @@ void InertialWindow::addPriors(const WindowState& state, ChainSystem* system) co
     addDiagonalPrior(system, Layout::kOutline + i, d[Layout::kOutline + i],
                      plate_given ? prior.outline_m : kUnknownOutline);
   }
+}
 
+/// The first node's prior; it goes into the first marginalization.
+void InertialWindow::addFirstPrior(const WindowState& state, ChainSystem* system) const {
+  const WindowPriors& prior = params_.priors;
   Vector15d sigma;
   sigma << Eigen::Vector3d::Constant(kGaugeSigma), 10.0, 10.0, kGaugeSigma, Eigen::Vector3d::Constant(100.0),
       Eigen::Vector3d::Constant(prior.gyro_bias), Eigen::Vector3d::Constant(prior.accel_bias);
@@ -153,7 +159,6 @@ void InertialWindow::addPriors(const WindowState& state, ChainSystem* system) co
 }
 
 void InertialWindow::addMarginalPrior(const WindowState& state, ChainSystem* system) const {
-  if (!prior_) return;
   const auto K = static_cast<Eigen::Index>(prior_->nodes.size());
   const Eigen::Index G = prior_->H.rows() - 15 * K;
   Eigen::VectorXd d(15 * K + G);
@@ -184,12 +189,15 @@ void InertialWindow::build(const WindowState& state, int end_node, ChainSystem* 
   if (camera_) worker = std::thread([&] { camera_->accumulate(state, chain_, end_node, &visual); });
   chain_.accumulate(state, 0, end_node < 0 ? nodes - 2 : end_node - 1, system);
   if (lidar_) lidar_->accumulate(state, chain_, end_node, system);
-  addPriors(state, system);
-  addMarginalPrior(state, system);
+  prior_ ? addMarginalPrior(state, system) : addFirstPrior(state, system);
   if (camera_) {
     worker.join();
     system->add(visual);
   }
+  const bool lidar_board = lidar_ && lidar_->boardPoints() > 0;
+  const LeverLinks links = {camera_.has_value(), lidar_.has_value(), board_known_, lidar_board};
+  blind(excitation_.unseen(state_.nodes), links, state, system);
+  if (end_node < 0) addGlobalPriors(state, system);
 }
 
 InertialWindow::Summary InertialWindow::optimize(int max_iterations) {
@@ -265,6 +273,7 @@ bool InertialWindow::marginalizeBefore(TimeNs stamp) {
   build(state_, count, &system);
   ChainSystem::Marginal marginal;
   if (!system.marginalizeFront(count, &marginal)) return false;
+  excitation_.remember(state_.nodes, count);
   Prior prior;
   for (const int node : marginal.kept) prior.nodes.push_back(node - count);
   state_.nodes.erase(state_.nodes.begin(), state_.nodes.begin() + count);

@@ -1,4 +1,5 @@
 #include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -14,9 +15,10 @@
 namespace cocalib {
 namespace {
 
-constexpr double kGravity = 9.80665;       // standard; on Earth it differs by less than 0.03
-constexpr double kGravityTolerance = 0.1;  // [m/s^2] beyond three sigma: 9.7 to 9.9
-constexpr double kVelocityPrior = 10.0;    // [m/s], keeps a chunk of two poses finite
+constexpr double kGravity = 9.80665;        // standard; on Earth it differs by less than 0.03
+constexpr double kGravityTolerance = 0.1;   // [m/s^2] beyond three sigma: 9.7 to 9.9
+constexpr double kVelocityPrior = 10.0;     // [m/s], keeps a chunk of two poses finite
+constexpr double kPositionPrior_m = 100.0;  // keeps a direction finite that no pose sees
 constexpr double kCauchySigmas = 2.5;
 constexpr int kReweightings = 8;
 constexpr std::size_t kFewestPoses = 15;
@@ -34,12 +36,12 @@ std::string text(const char* format, double value) {
   return buffer.data();
 }
 
-/// One sensor position as a linear function of its chunk's start (position, velocity) and the shared unknowns:
-/// p_M_S - predicted = J_local y + J_shared x.
+/// One sensor position as a linear function of its chunk's start (position, velocity) and the shared unknowns,
+/// p_M_S - predicted = J_local y + J_shared x, in the directions that the sensor sees.
 struct PositionEquation {
   std::size_t chunk;
-  double time_s;
   Eigen::Vector3d known;
+  Eigen::Matrix<double, 3, 6> J_local;
   Eigen::Matrix<double, 3, 9> J_shared;
 };
 
@@ -92,6 +94,8 @@ class PoseAlignment {
   const Eigen::Matrix3d& leverCovariance() const { return lever_covariance_; }
   double residualSigma() const { return sigma_; }
   double worstLeverSigma() const { return std::sqrt(lever_covariance_.diagonal().maxCoeff()); }
+  /// Smaller is better: the worst axis, or, where an axis may stay open, all of them together.
+  double uncertainty() const { return params_.isOpen() ? lever_covariance_.determinant() : worstLeverSigma(); }
 
   Alignment result(const std::vector<SensorPose>& poses) const {
     Alignment alignment;
@@ -101,6 +105,7 @@ class PoseAlignment {
     alignment.accel_bias = solution_.accelBias();
     alignment.time_offset_s = attitude_.time_offset_s;
     alignment.lever_arm_sigma_m = lever_covariance_.diagonal().cwiseSqrt();
+    alignment.lever_arm_guess = params_.lever_arm_guess;
     alignment.lever_arm_prior_m = params_.lever_arm_prior_m;
     alignment.residual_m = rms_;
     alignment.T_W_M.q = Eigen::Quaterniond::FromTwoVectors(solution_.gravity(), -Eigen::Vector3d::UnitZ());
@@ -119,11 +124,15 @@ class PoseAlignment {
   PositionEquation equation(std::size_t c, const SensorPose& pose) const {
     const InertialIncrement increment = attitude_.chunks[c].path.at(pose.stamp + toNs(attitude_.time_offset_s));
     const Eigen::Matrix3d R_M_chunk = attitude_.R_M_chunk[c].toRotationMatrix();
-    PositionEquation result{c, increment.time_s, pose.T_M_S.t - R_M_chunk * increment.p, {}};
+    PositionEquation result{c, pose.T_M_S.t - R_M_chunk * increment.p, {}, {}};
+    result.J_local << Eigen::Matrix3d::Identity(), increment.time_s * Eigen::Matrix3d::Identity();
     result.J_shared.middleCols<3>(kGravityRow) =
         0.5 * increment.time_s * increment.time_s * Eigen::Matrix3d::Identity();
     result.J_shared.middleCols<3>(kAccelBiasRow) = R_M_chunk * increment.p_ba;
     result.J_shared.middleCols<3>(kLeverRow) = (attitude_.R_M_chunk[c] * increment.R_0_t).toRotationMatrix();
+    result.known = pose.seen_directions * result.known;
+    result.J_local = pose.seen_directions * result.J_local;
+    result.J_shared = pose.seen_directions * result.J_shared;
     return result;
   }
 
@@ -131,14 +140,14 @@ class PoseAlignment {
     chunks_.assign(attitude_.chunks.size(), {});
     const double information = 1.0 / (sigma_ * sigma_);
     for (ChunkEquations& chunk : chunks_) {
+      chunk.H_local.diagonal().head<3>().setConstant(1.0 / (kPositionPrior_m * kPositionPrior_m));
       chunk.H_local.diagonal().tail<3>().setConstant(1.0 / (kVelocityPrior * kVelocityPrior));
     }
     for (std::size_t i = 0; i < equations_.size(); ++i) {
       const PositionEquation& row = equations_[i];
       ChunkEquations& chunk = chunks_[row.chunk];
       const double weight = weights[i] * information;
-      Eigen::Matrix<double, 3, 6> J;
-      J << Eigen::Matrix3d::Identity(), row.time_s * Eigen::Matrix3d::Identity();
+      const Eigen::Matrix<double, 3, 6>& J = row.J_local;
       chunk.H_local += weight * J.transpose() * J;
       chunk.H_cross += weight * J.transpose() * row.J_shared;
       chunk.b_local += weight * J.transpose() * row.known;
@@ -152,8 +161,7 @@ class PoseAlignment {
     std::vector<double> lengths(equations_.size());
     for (std::size_t i = 0; i < equations_.size(); ++i) {
       const PositionEquation& row = equations_[i];
-      const Vector6& start = starts_[row.chunk];
-      lengths[i] = (row.known - start.head<3>() - row.time_s * start.tail<3>() - row.J_shared * solution_.x).norm();
+      lengths[i] = (row.known - row.J_local * starts_[row.chunk] - row.J_shared * solution_.x).norm();
     }
     measured_sigma_ = medianOf(lengths) / kMedianLength3;
     sigma_ = std::max(params_.position_sigma_m, measured_sigma_);
@@ -258,7 +266,7 @@ std::optional<Alignment> alignFromPoses(const ImuBuffer& imu, const RotationInit
     if (!attitude) return refuse("the imu does not cover the poses: check its rate, and the clocks of both");
     PoseAlignment alignment(std::move(*attitude), poses, params);
     alignment.solve();
-    if (!best || alignment.worstLeverSigma() < best->worstLeverSigma()) best.emplace(std::move(alignment));
+    if (!best || alignment.uncertainty() < best->uncertainty()) best.emplace(std::move(alignment));
   }
   for (const TimeNs stamp : stamps) {
     if (best->distanceToData(stamp) > kFarthestUncovered_s) {

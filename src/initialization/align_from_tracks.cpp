@@ -18,6 +18,7 @@ constexpr double kMinGravity = 9.5, kMaxGravity = 10.1;  // [m/s^2] when left fr
 constexpr double kMaxBearingSigma_rad = 0.006;           // 3 px of a common camera: not one rigid scene
 constexpr double kMaxVelocitySigma = 0.1;                // [m/s], or
 constexpr double kMaxVelocityShare = 0.15;               // of the speed: the scale is known to 15 %
+constexpr double kMinSpeed = 0.1;                        // [m/s]: of a rig that only turns the scale does not show
 
 std::string text(const char* format, double value) {
   std::array<char, 256> buffer{};
@@ -49,6 +50,12 @@ std::string doubt(const TrackSolution& solution) {
   }
   double speed = 0.0;
   for (const Eigen::Vector3d& v : solution.velocities) speed += v.squaredNorm() / double(solution.velocities.size());
+  if (std::sqrt(speed) < kMinSpeed) {
+    return text(
+        "the scale does not show while the rig only turns (%.2f m/s): shift the camera too, speeding up and "
+        "slowing down",
+        std::sqrt(speed));
+  }
   if (solution.worst_velocity_sigma > std::max(kMaxVelocitySigma, kMaxVelocityShare * std::sqrt(speed))) {
     return text(
         "the scale is not determined yet (speed known to %.2f m/s only): shift the camera more briskly, "
@@ -131,6 +138,7 @@ std::optional<Alignment> alignFromTracks(const ImuBuffer& imu, const RotationIni
   alignment.accel_bias = solution.shared.accelBias();
   alignment.time_offset_s = problem->time_offset_s;
   alignment.lever_arm_sigma_m = solution.shared.leverCovariance().diagonal().cwiseSqrt();
+  alignment.lever_arm_guess = params.lever_arm_guess;
   alignment.lever_arm_prior_m = params.lever_arm_prior_m;
   alignment.states = statesOf(*problem, solution, frames, alignment.gravity);
   return alignment;

@@ -187,10 +187,9 @@ std::optional<RotationInitialization> initializeRotation(const ImuBuffer& imu,
   return result;
 }
 
-std::optional<RotationInitialization> rotationFromGuess(const ImuBuffer& imu,
-                                                        const std::vector<RelativeSensorRotation>& rotations,
-                                                        const Eigen::Quaterniond& guess_R_imu_sensor,
-                                                        const RotationInitializerParams& params, std::string* reason) {
+std::optional<AxisRotation> rotationAboutOneAxis(const ImuBuffer& imu,
+                                                 const std::vector<RelativeSensorRotation>& rotations,
+                                                 const RotationInitializerParams& params, std::string* reason) {
   std::string why;
   const auto refuse = [reason, &why] {
     if (reason != nullptr) *reason = why;
@@ -204,12 +203,13 @@ std::optional<RotationInitialization> rotationFromGuess(const ImuBuffer& imu,
   const RotationSearch search = searchRotation(turning->gyro, turning->pairs, params.max_time_offset_s);
   if (why = searchDoubt(search, turning->pairs, turning->spread); !why.empty()) return refuse();
 
-  RotationInitialization result;
-  result.R_imu_sensor = guess_R_imu_sensor.normalized();
-  result.time_offset_s = search.best.time_offset_s;
-  result.gyro_bias = search.best.gyro_bias;
-  result.median_residual_rad = search.best.residual_rad;
-  result.second_singular_value = turning->spread.second_singular;
+  AxisRotation result;
+  result.axis_imu = turning->spread.main_axis;
+  result.rotation.R_imu_sensor = search.best.R_imu_sensor;
+  result.rotation.time_offset_s = search.best.time_offset_s;
+  result.rotation.gyro_bias = search.best.gyro_bias;
+  result.rotation.median_residual_rad = search.best.residual_rad;
+  result.rotation.second_singular_value = turning->spread.second_singular;
   return result;
 }
 

@@ -9,12 +9,14 @@
 
 namespace cocalib {
 
-AlignmentParams AlignmentParams::around(const Eigen::Vector3d& lever_arm_guess) {
+AlignmentParams AlignmentParams::open(const std::optional<Pose>& guess_T_imu_sensor) {
+  constexpr double kGuessSigma_m = 0.1;
   AlignmentParams params;
-  params.lever_arm_guess = lever_arm_guess;
-  params.lever_arm_prior_m = 0.1;
-  params.max_lever_arm_sigma_m =
-      2.0 * params.lever_arm_prior_m;  // an axis that nothing but the guess holds is accepted
+  if (guess_T_imu_sensor) {
+    params.lever_arm_guess = guess_T_imu_sensor->t;
+    params.lever_arm_prior_m = kGuessSigma_m;
+  }
+  params.max_lever_arm_sigma_m = 2.0 * params.lever_arm_prior_m;  // an axis that only the prior holds is accepted
   return params;
 }
 

@@ -82,10 +82,14 @@ void addPriors(const MotionPrior& prior, const SweepMotion& motion, NormalEquati
   addPrior({0.0, 0.0, 1.0}, motion.bow, prior.bow_sigma, sums);
 }
 
-/// Standard deviation of the worst rotation axis, the translation being free.
-double worstRotationSigma(const Matrix6d& information) {
+/// Covariance of one pose of the whole sweep.
+Matrix6d covarianceOf(const Matrix6d& information) {
   constexpr double kFloor = 1e-3;  // keeps the inverse finite where nothing at all is seen
-  const Matrix6d covariance = (information + kFloor * Matrix6d::Identity()).inverse();
+  return (information + kFloor * Matrix6d::Identity()).inverse();
+}
+
+/// Standard deviation of the worst rotation axis, the translation being free.
+double worstRotationSigma(const Matrix6d& covariance) {
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance.bottomRightCorner<3, 3>(),
                                                               Eigen::EigenvaluesOnly);
   return std::sqrt(std::max(0.0, solver.eigenvalues()[2]));
@@ -127,7 +131,9 @@ ElasticRegistrationResult registerElastic(const PlanarVoxelMap& map, const std::
     NormalEquations sums = accumulate(map, points, result.motion, gate_m, options.point_sigma_m);
     result.overlap = static_cast<double>(sums.accepted) / static_cast<double>(points.size());
     result.rms_m = sums.weights > 0.0 ? std::sqrt(sums.squares / sums.weights) : 0.0;
-    result.rotation_sigma = worstRotationSigma(sums.rigid);
+    const Matrix6d covariance = covarianceOf(sums.rigid);
+    result.rotation_sigma = worstRotationSigma(covariance);
+    result.translation_covariance = covariance.topLeftCorner<3, 3>();
     addPriors(prior, result.motion, &sums);
     const Vector18d step = sums.H.selfadjointView<Eigen::Lower>().ldlt().solve(sums.b);
     if (!step.allFinite()) return result;

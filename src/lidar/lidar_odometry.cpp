@@ -1,5 +1,6 @@
 #include "cocalib/lidar/lidar_odometry.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <random>
@@ -33,6 +34,7 @@ constexpr int kMinPoints = 100;
 constexpr double kMinOverlap = 0.5;
 constexpr double kMinOverlapToInsert = 0.3;
 constexpr double kMaxRotationSigma = 0.005;  // rad
+constexpr double kMaxPositionSigma = 0.03;   // m; worse directions count as open
 constexpr int kMaxLostSweeps = 5;            // then the map starts anew
 
 Vector6d tangent(double translation, double rotation) {
@@ -57,6 +59,16 @@ std::vector<SweepPoint> sample(const LidarScan& scan, int count, double duration
     points.push_back({point.p.cast<double>(), duration_s > 0.0 ? point.offset_s / duration_s : 0.0});
   }
   return points;
+}
+
+Eigen::Matrix3d seenDirections(const Eigen::Matrix3d& position_covariance) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(position_covariance);
+  Eigen::Matrix3d projection = Eigen::Matrix3d::Zero();
+  for (int i = 0; i < 3; ++i) {
+    if (eigen.eigenvalues()[i] > kMaxPositionSigma * kMaxPositionSigma) continue;
+    projection += eigen.eigenvectors().col(i) * eigen.eigenvectors().col(i).transpose();
+  }
+  return projection;
 }
 
 double durationOf(const LidarScan& scan) {
@@ -124,7 +136,9 @@ LidarOdometry::Result LidarOdometry::Impl::resultOf(const Sweep& sweep,
   result.bow = sweep.motion.bow;
   result.rms_m = registration.rms_m;
   result.overlap = registration.overlap;
-  result.good = registration.overlap >= kMinOverlap && registration.rotation_sigma <= kMaxRotationSigma;
+  result.registered = registration.overlap >= kMinOverlap;
+  result.good = result.registered && registration.rotation_sigma <= kMaxRotationSigma;
+  result.seen_directions = seenDirections(registration.translation_covariance);
   return result;
 }
 
@@ -163,7 +177,7 @@ LidarOdometry::Result LidarOdometry::Impl::second(Sweep sweep) {
   }
   sweep.motion = registration.motion;
   const Result result = resultOf(sweep, registration);
-  if (!result.good) {
+  if (!result.registered) {
     map.clear();
     first(sweep);
     return resultOf(sweep, {});
@@ -206,7 +220,7 @@ LidarOdometry::Result LidarOdometry::Impl::next(Sweep sweep) {
   const ElasticRegistrationResult registration = registerElastic(map, sweep.points, start, prior, options);
   sweep.motion = registration.motion;
   const Result result = resultOf(sweep, registration);
-  lost = result.good ? 0 : lost + 1;
+  lost = result.registered ? 0 : lost + 1;
   if (lost > kMaxLostSweeps) {
     map.clear();
     lost = 0;

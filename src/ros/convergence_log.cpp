@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdio>
 
+#include "cocalib/estimation/observability.h"
 #include "cocalib/ros/line_chart.h"
 
 namespace cocalib {
@@ -53,7 +54,7 @@ std::vector<Curve> curvesOf(const std::vector<CalibrationEstimate>& entries, boo
   for (int i = 0; i < count; ++i) curves[i].name = count == 1 ? "" : kAxes[i];
   for (const CalibrationEstimate& entry : entries) {
     const Side side = sideOf(entry, camera);
-    if (!side.verdict.valid) continue;
+    if (!isSeen(side.verdict)) continue;
     const Vector6d deviation = side.pose.minus(last.pose);
     for (int i = 0; i < count; ++i) {
       const bool is_offset = quantity == Quantity::kOffset;
@@ -101,8 +102,8 @@ std::string ConvergenceLog::csv() const {
 
 cv::Mat ConvergenceLog::draw(const cv::Size& size) const {
   cv::Mat image(size, CV_8UC3, cv::Scalar::all(255));
-  const bool camera = !entries_.empty() && entries_.back().camera.valid;
-  const bool lidar = !entries_.empty() && entries_.back().lidar.valid;
+  const bool camera = !entries_.empty() && isSeen(entries_.back().camera);
+  const bool lidar = !entries_.empty() && isSeen(entries_.back().lidar);
   if (!camera && !lidar) {
     drawCaption("no estimate yet", &image);
     return image;

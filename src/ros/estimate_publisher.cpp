@@ -5,6 +5,7 @@
 #include <boost/make_shared.hpp>
 #include <vector>
 
+#include "cocalib/estimation/observability.h"
 #include "cocalib/ros/conversions.h"
 
 namespace cocalib {
@@ -30,8 +31,8 @@ void EstimatePublisher::publish(const CalibrationEstimate& estimate, const Calib
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     const Calibration& calibration = estimate.calibration;
-    if (estimate.camera.valid && isFinite(calibration.T_imu_camera)) T_imu_camera_ = calibration.T_imu_camera;
-    if (estimate.lidar.valid && isFinite(calibration.T_imu_lidar)) T_imu_lidar_ = calibration.T_imu_lidar;
+    if (isSeen(estimate.camera) && isFinite(calibration.T_imu_camera)) T_imu_camera_ = calibration.T_imu_camera;
+    if (isSeen(estimate.lidar) && isFinite(calibration.T_imu_lidar)) T_imu_lidar_ = calibration.T_imu_lidar;
   }
   publisher_.publish(boost::make_shared<CalibrationEstimateMsg>(toEstimateMsg(estimate, diagnostics, frames_)));
 }

@@ -80,15 +80,15 @@ void FusionSession::addLidar(const LidarKeyframeConstPtr& msg) {
 
 void FusionSession::setVisualEstimate(const ExtrinsicEstimateConstPtr& msg) {
   worker_.post(kControl, [this, msg] {
-    pipeline_.fuser().setVisualEstimate(fromExtrinsicMsg(*msg, SensorPart::kCamera));
-    publishDiagnostics();
+    const bool changed = pipeline_.fuser().setVisualEstimate(fromExtrinsicMsg(*msg, SensorPart::kCamera));
+    changed ? publish() : publishDiagnostics();
   });
 }
 
 void FusionSession::setLidarEstimate(const ExtrinsicEstimateConstPtr& msg) {
   worker_.post(kControl, [this, msg] {
-    pipeline_.fuser().setLidarEstimate(fromExtrinsicMsg(*msg, SensorPart::kLidar));
-    publishDiagnostics();
+    const bool changed = pipeline_.fuser().setLidarEstimate(fromExtrinsicMsg(*msg, SensorPart::kLidar));
+    changed ? publish() : publishDiagnostics();
   });
 }
 

@@ -5,6 +5,7 @@
 
 #include <boost/make_shared.hpp>
 
+#include "cocalib/estimation/observability.h"
 #include "cocalib/ros/conversions.h"
 #include "cocalib/ros/marker_messages.h"
 
@@ -113,7 +114,7 @@ void LiveDisplay::drawNewestOverlay() {
     if (!scene || scene->image.stamp == last_drawn_) return;
     last_drawn_ = scene->image.stamp;
     camera = camera_;
-    const bool known = estimate_.camera.valid && estimate_.lidar.valid;
+    const bool known = isSeen(estimate_.camera) && isSeen(estimate_.lidar);
     with.calibration =
         known ? estimate_.calibration : nominalCalibration(rig_.guess_T_imu_camera, rig_.guess_T_imu_lidar);
     with.T_W_B = T_W_B_;

@@ -193,10 +193,13 @@ Scenario readScenario(const YAML::Node& root) {
   block.read("duration", scenario.duration_s);
   block.read("gravity", scenario.gravity);
   block.read("ramp", scenario.ramp_s);
+  block.readChoice("place", scenario.place,
+                   {{"room", Place::kRoom}, {"corridor", Place::kCorridor}, {"wall", Place::kWall}});
   block.readChoice("motion", scenario.motion,
                    {{"full", Motion::kFull},
                     {"mild", Motion::kMild},
                     {"planar", Motion::kPlanar},
+                    {"upright", Motion::kUpright},
                     {"rotation_only", Motion::kRotationOnly},
                     {"translation_only", Motion::kTranslationOnly},
                     {"static", Motion::kStatic}});

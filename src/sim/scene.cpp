@@ -35,9 +35,33 @@ std::vector<Rectangle> room() {
           rectangle({1.0, 2.0, 1.5}, {1, 0.5, 0.3}, y, 0.75, 0.75)};
 }
 
+/// So long that its ends are beyond the lidar's reach.
+std::vector<Rectangle> corridor() {
+  const Eigen::Vector3d x = Eigen::Vector3d::UnitX(), y = Eigen::Vector3d::UnitY(), z = Eigen::Vector3d::UnitZ();
+  const double half = 300.0;
+  return {rectangle({4.2, 2.2, 1.7}, y, x, half, 1.7), rectangle({4.2, 5.8, 1.7}, -y, x, half, 1.7),
+          rectangle({4.2, 4.0, 0.0}, z, x, half, 1.8), rectangle({4.2, 4.0, 3.4}, -z, x, half, 1.8)};
+}
+
+std::vector<Rectangle> wall() {
+  return {rectangle({7.2, 4.0, 1.7}, -Eigen::Vector3d::UnitX(), Eigen::Vector3d::UnitY(), 60.0, 30.0)};
+}
+
+std::vector<Rectangle> surfacesOf(Place place) {
+  switch (place) {
+    case Place::kCorridor:
+      return corridor();
+    case Place::kWall:
+      return wall();
+    case Place::kRoom:
+      break;
+  }
+  return room();
+}
+
 }  // namespace
 
-Scene::Scene(const Scenario& scenario) : rectangles_(room()) {
+Scene::Scene(const Scenario& scenario) : rectangles_(surfacesOf(scenario.place)) {
   if (!scenario.board.present) return;
   const Scenario::Board& board = scenario.board;
   // Facing the rig: x to the right (-y of W), y down, z away from the rig; then turned about the axes of the plate as

@@ -41,6 +41,8 @@ std::array<bool, 6> movedAxes(Motion motion) {
   switch (motion) {
     case Motion::kPlanar:
       return {true, true, false, false, false, true};
+    case Motion::kUpright:
+      return {true, true, true, false, false, true};
     case Motion::kRotationOnly:
       return {false, false, false, true, true, true};
     case Motion::kTranslationOnly:

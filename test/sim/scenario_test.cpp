@@ -55,7 +55,7 @@ TEST(Scenario, MissingFileIsNamed) {
 
 TEST(Scenario, EveryShippedScenarioLoads) {
   const std::set<std::string> names = {
-      "table1_full", "table1_mild",   "planar",          "rotation_only", "translation_only", "static", "time_offsets",
+      "table1_full", "table1_mild",   "planar", "upright", "rotation_only", "translation_only", "static", "time_offsets",
       "upside_down", "sideways",      "ouster32",        "ouster64",      "ouster128",        "hesai",  "robosense",
       "livox",       "no_time_field", "rolling_shutter", "motion_blur",   "compressed"};
   for (const std::string& name : names) {

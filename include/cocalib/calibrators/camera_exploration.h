@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "cocalib/initialization/alignment.h"
+#include "cocalib/initialization/open_start.h"
 #include "cocalib/measurements/measurements.h"
 #include "cocalib/sensors/camera_model.h"
 
@@ -17,15 +17,24 @@ class CameraExploration {
   CameraExploration(const CameraModel& camera, const std::optional<BoardGeometry>& board)
       : camera_(camera), board_(board) {}
 
-  /// @param guess_T_imu_camera  stands in for what the motion leaves open; nothing: the motion must show everything
-  /// @return nothing while the motion does not determine it; `reason` says why, in words for the user
+  /// @return nothing while the motion does not determine the whole mounting; `reason` says why, in words for the user
   std::optional<Alignment> align(const ImuBuffer& imu, const std::vector<VisualKeyframe>& frames,
-                                 const std::optional<Pose>& guess_T_imu_camera, std::string* reason) const;
+                                 std::string* reason) const;
+  /// The same, but what the motion leaves open is taken from the guess, or, without one, from a broad prior.
+  std::optional<Alignment> alignOpenly(const ImuBuffer& imu, const std::vector<VisualKeyframe>& frames,
+                                       const std::optional<Pose>& guess_T_imu_camera, std::string* reason) const;
+
+  /// The pictures show enough that, where nothing can be aligned, the motion is what is missing.
+  bool seesEnough(const std::vector<VisualKeyframe>& frames) const;
 
  private:
   std::vector<SensorPose> boardPoses(const std::vector<VisualKeyframe>& frames) const;
   std::vector<RelativeSensorRotation> rotations(const std::vector<VisualKeyframe>& frames,
                                                 const std::vector<SensorPose>& board_poses) const;
+  std::vector<BearingFrame> bearings(const std::vector<VisualKeyframe>& frames) const;
+  SensorMotion ownMotion(const std::vector<VisualKeyframe>& frames) const;
+  std::optional<Alignment> alignFrom(const ImuBuffer& imu, const SensorMotion& motion, const OpenStart& start,
+                                     std::string* reason) const;
 
   CameraModel camera_;
   std::optional<BoardGeometry> board_;

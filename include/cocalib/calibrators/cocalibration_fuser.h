@@ -45,9 +45,11 @@ class CoCalibrationFuser {
   void addImu(const ImuSample& sample);
   void addVisual(VisualKeyframe keyframe);
   void addLidar(LidarKeyframe keyframe);
-  /// Starting points; newer ones replace older ones until the fuser has solved for the first time.
-  void setVisualEstimate(const CalibrationEstimate& estimate);
-  void setLidarEstimate(const CalibrationEstimate& estimate);
+  /// Starting points; newer ones replace older ones until the fuser has solved for the first time. Where the motion
+  /// shows nothing of a sensor, so that the fuser cannot start, they become the estimate.
+  /// @return whether the estimate changed
+  bool setVisualEstimate(const CalibrationEstimate& estimate);
+  bool setLidarEstimate(const CalibrationEstimate& estimate);
 
   /// True when enough new data has come for the next solve (a function of the data alone, so runs repeat).
   bool wantsSolve() const;

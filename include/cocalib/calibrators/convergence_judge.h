@@ -16,7 +16,8 @@ class ConvergenceJudge {
 
   /// Fills verdicts, status and message of `joint`, and remembers it for the next ones. Estimates come in order.
   /// @param camera_alone, lidar_alone  of the two calibrators; used where the rig has both sensors
-  void judge(const CalibrationEstimate& camera_alone, const CalibrationEstimate& lidar_alone,
+  /// @param camera_scale_unseen        see judgeEstimate()
+  void judge(const CalibrationEstimate& camera_alone, const CalibrationEstimate& lidar_alone, bool camera_scale_unseen,
              CalibrationEstimate* joint);
   void reset() { history_.clear(); }
 

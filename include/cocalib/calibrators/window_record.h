@@ -14,7 +14,7 @@ class WindowRecord {
  public:
   WindowRecord(const InertialWindow::Params& params, double length_s) : window_(params), length_s_(length_s) {}
 
-  void setTranslationPrior(double sigma_m) { window_.setTranslationPrior(sigma_m); }
+  void setTranslationPriors(double camera_m, double lidar_m) { window_.setTranslationPriors(camera_m, lidar_m); }
   /// Measurements that the short window was given; they wait here for their nodes.
   void keep(const VisualKeyframe& keyframe) { frames_.push_back(keyframe); }
   void keep(std::shared_ptr<const LidarScan> scan) { scans_.push_back(std::move(scan)); }

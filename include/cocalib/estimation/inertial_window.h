@@ -5,6 +5,7 @@
 #include "cocalib/estimation/camera_group.h"
 #include "cocalib/estimation/estimate.h"
 #include "cocalib/estimation/inertial_chain.h"
+#include "cocalib/estimation/lever_excitation.h"
 #include "cocalib/estimation/lidar_group.h"
 #include "cocalib/estimation/window_state.h"
 
@@ -12,7 +13,7 @@ namespace cocalib {
 
 /// What is known before any data, 1 sigma each; centred on the state at reset().
 struct WindowPriors {
-  double extrinsic_translation_m = 1.0;
+  double camera_translation_m = 1.0, lidar_translation_m = 1.0;
   double extrinsic_rotation_rad = 0.5;
   double time_offset_s = 0.1;
   double gravity = 0.03;     ///< of its magnitude over the earth and with height [m/s^2]
@@ -39,8 +40,11 @@ class InertialWindow {
   };
   explicit InertialWindow(const Params& params);
 
-  /// 1 sigma of both sensors' positions about the start [m], from the next reset() on; params' own until then.
-  void setTranslationPrior(double sigma_m) { params_.priors.extrinsic_translation_m = sigma_m; }
+  /// 1 sigma of the sensors' positions about the start [m], from the next reset() on; params' own until then.
+  void setTranslationPriors(double camera_m, double lidar_m) {
+    params_.priors.camera_translation_m = camera_m;
+    params_.priors.lidar_translation_m = lidar_m;
+  }
 
   /// Starts over with a first node and a start for everything shared. The node fixes position and heading.
   void reset(const NavState& first, const Calibration& calibration, double gravity);
@@ -53,6 +57,8 @@ class InertialWindow {
   const InertialChain& chain() const { return chain_; }
   const PlaneMap& planeMap() const { return plane_map_; }
   bool boardKnown() const { return board_known_; }
+  /// The camera's lever arm is known up to its length only: no board, and the IMU has not been shifted.
+  bool cameraScaleUnseen() const { return camera_ && !board_known_ && excitation_.unseen(state_.nodes).scale; }
 
   /// Appends a node; one closer than a third of the node spacing to the last, or before it, is left out.
   void addNode(const NavState& state);
@@ -104,7 +110,8 @@ class InertialWindow {
     Eigen::VectorXd b;
   };
   void build(const WindowState& state, int end_node, ChainSystem* system);
-  void addPriors(const WindowState& state, ChainSystem* system) const;
+  void addGlobalPriors(const WindowState& state, ChainSystem* system) const;
+  void addFirstPrior(const WindowState& state, ChainSystem* system) const;
   void addMarginalPrior(const WindowState& state, ChainSystem* system) const;
   void startBoard();
 
@@ -117,6 +124,7 @@ class InertialWindow {
   PlaneMap plane_map_;
   std::optional<Prior> prior_;
   std::optional<ChainSystem> solved_;  // of the last optimize(), while nothing has changed since
+  LeverExcitation excitation_;
   bool board_known_ = false;
   int linked_scans_ = 0;
 };

@@ -14,6 +14,8 @@ namespace cocalib {
 struct SensorPose {
   TimeNs stamp = 0;  ///< sensor clock
   Pose T_M_S;
+  /// Projection onto the directions of M in which the position means something.
+  Eigen::Matrix3d seen_directions = Eigen::Matrix3d::Identity();
 };
 
 /// What alignment finds: lever arm, gravity and the IMU's states, in a gravity-aligned world W.
@@ -25,7 +27,8 @@ struct Alignment {
   Pose T_W_M;                                                   ///< identity for alignFromTracks()
   std::vector<NavState> states;                                 ///< one per input pose or frame, same order, IMU clock
   Eigen::Vector3d lever_arm_sigma_m = Eigen::Vector3d::Zero();  ///< 1 sigma, formal
-  double lever_arm_prior_m = 1.0;                               ///< prior sigma that it was found with, about the guess
+  Eigen::Vector3d lever_arm_guess = Eigen::Vector3d::Zero();    ///< prior that it was found with, and
+  double lever_arm_prior_m = 1.0;                               ///< its sigma
   double residual_m = 0.0;                                      ///< RMS of the position residuals
   double time_offset_s = 0.0;  ///< t_imu = t_sensor + time_offset, refined; the states stand at it
 };
@@ -40,8 +43,9 @@ struct AlignmentParams {
   double max_lever_arm_sigma_m = 0.1;  ///< accepted only when the least certain axis is better than this
 
   /// Settings for motion that does not show the whole lever arm: what it leaves open is taken from the guess (to 0.1
-  /// m).
-  static AlignmentParams around(const Eigen::Vector3d& lever_arm_guess);
+  /// m), or, without one, from the sensor being somewhere on the rig (to 1 m).
+  static AlignmentParams open(const std::optional<Pose>& guess_T_imu_sensor);
+  bool isOpen() const { return max_lever_arm_sigma_m > lever_arm_prior_m; }
 };
 
 /// Gravity, velocities, accelerometer bias and lever arm by one linear least-squares from metric sensor poses, with

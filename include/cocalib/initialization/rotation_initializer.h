@@ -43,14 +43,17 @@ std::optional<RotationInitialization> initializeRotation(const ImuBuffer& imu,
                                                          const RotationInitializerParams& params,
                                                          std::string* reason = nullptr);
 
-/// For motion that leaves the mounting open because all rotations share one axis: the mounting is the guess as it is,
-/// clock offset (to the search's 5 ms) and gyro bias come from the rotations, which need no second axis for them. The
-/// formal sigmas are left at 0.
+/// What rotations tell that all share one axis: everything but the turn about that axis.
+struct AxisRotation {
+  RotationInitialization rotation;  ///< one of the mountings that fit; the formal sigmas are left at 0
+  Eigen::Vector3d axis_imu;         ///< Exp(angle axis_imu) R_imu_sensor fits as well, for every angle
+};
+
+/// Clock offset (to the search's 5 ms), gyro bias and the axis, for which rotations need no second axis.
 /// @return nothing while the rig does not turn at all, or its rates and the sensor's do not agree; `reason` says which
-std::optional<RotationInitialization> rotationFromGuess(const ImuBuffer& imu,
-                                                        const std::vector<RelativeSensorRotation>& rotations,
-                                                        const Eigen::Quaterniond& guess_R_imu_sensor,
-                                                        const RotationInitializerParams& params,
-                                                        std::string* reason = nullptr);
+std::optional<AxisRotation> rotationAboutOneAxis(const ImuBuffer& imu,
+                                                 const std::vector<RelativeSensorRotation>& rotations,
+                                                 const RotationInitializerParams& params,
+                                                 std::string* reason = nullptr);
 
 }  // namespace cocalib

@@ -63,6 +63,8 @@ struct ElasticRegistrationResult {
   double rms_m = 0.0;           ///< of the accepted distances
   double overlap = 0.0;         ///< accepted / given points
   double rotation_sigma = 1e9;  ///< worst direction of the sweep's rotation as the points alone determine it [rad]
+  /// Covariance of its translation, the rotation being free [m^2]; metres along what the points leave open.
+  Eigen::Matrix3d translation_covariance = 1e6 * Eigen::Matrix3d::Identity();
 };
 
 /// Finds the motion that lays the points of a sweep onto the map: Gauss-Newton over begin, end and bow with Tukey

@@ -34,6 +34,10 @@ class LidarOdometry {
     /// Whether the rotation can be relied on. Never for the first sweep (its motion is found with the second one's) and
     /// not when little of the sweep lies on the map or when its points leave a rotation axis open.
     bool good = false;
+    /// The points lie on the map, whether or not they determine the whole rotation.
+    bool registered = false;
+    /// Projection onto the directions of M in which the points determine the position; a corridor leaves its own open.
+    Eigen::Matrix3d seen_directions = Eigen::Matrix3d::Identity();
     /// Pose at a fraction of the sweep, 0 = begin, 1 = end.
     Pose at(double fraction) const;
   };

@@ -13,11 +13,19 @@
 
 namespace cocalib::sim {
 
+/// Where the rig is moved.
+enum class Place {
+  kRoom,      ///< one room, 10 x 8 x 4 m
+  kCorridor,  ///< without end: two walls, floor and ceiling; the way along it cannot be seen
+  kWall,      ///< a single facade
+};
+
 /// How the rig is moved; all but kStatic are sums of sinusoids of 0.06 to 1.2 Hz.
 enum class Motion {
   kFull,             ///< all six axes, lively
   kMild,             ///< all six axes, slow and small
   kPlanar,           ///< x, y and yaw only, like a ground robot
+  kUpright,          ///< x, y, z and yaw: never tilted
   kRotationOnly,     ///< turning about a fixed point
   kTranslationOnly,  ///< shifting without turning
   kStatic,           ///< standing still
@@ -37,6 +45,7 @@ struct Scenario {
   double duration_s = 60.0;
   TimeNs epoch = TimeNs{1700000000} * 1000000000;  ///< IMU clock at the trajectory's time 0
   double gravity = 9.80665;                        ///< [m/s^2]
+  Place place = Place::kRoom;
   Motion motion = Motion::kFull;
   double ramp_s = 1.5;  ///< the motion swells from standstill within this time
 

@@ -19,7 +19,8 @@ struct Rectangle {
   Plane plane() const { return {normal, normal.dot(center)}; }
 };
 
-/// A 10 x 8 x 4 m room with a cupboard, a pillar and a leaning panel, and the free-standing chessboard.
+/// A 10 x 8 x 4 m room with a cupboard, a pillar and a leaning panel, or another Place, and the free-standing
+/// chessboard.
 /// Immutable; safe from any thread.
 ///
 /// Frame B of the board: origin at the inner corner that is top left for somebody who stands upright before it, x to
