@@ -76,7 +76,7 @@ struct CoCalibrationFuser::Impl {
   ConvergenceJudge judge;
   bool started = false;
   TimeNs first_stamp = 0, solved_until = 0;
-  int planes_built_at_scans = 0, keyframes = 0, board_views = 0;
+  int keyframes = 0, board_views = 0;
   CalibratorDiagnostics diagnostics;
 };
 
@@ -235,7 +235,6 @@ bool CoCalibrationFuser::Impl::takeNewData() {
 
 void CoCalibrationFuser::Impl::solveFirst() {
   for (const double slack : kFirstSlacks_m) solveRound(true, slack, kFirstIterations);
-  planes_built_at_scans = window.lidar() ? window.lidar()->scans() : 0;
 }
 
 /// Hands what is older to the record and turns it into a prior.
@@ -256,10 +255,7 @@ bool CoCalibrationFuser::solve() {
   if (first) {
     m.solveFirst();
   } else {
-    const int scans = m.window.lidar() ? m.window.lidar()->scans() : 0;
-    const bool rebuild = scans > 3 * m.planes_built_at_scans / 2;
-    if (rebuild) m.planes_built_at_scans = scans;
-    m.solveRound(rebuild, kSlack_m, kIterations);
+    m.solveRound(m.window.planesAreStale(), kSlack_m, kIterations);
   }
   m.publish(&m.window);
   m.slide(m.window.state().nodes.back().stamp - toNs(m.params.live_window_s));
@@ -342,7 +338,7 @@ void CoCalibrationFuser::reset() {
   m.visual_alone = m.lidar_alone = m.estimate = CalibrationEstimate();
   m.estimate.message = "waiting for the calibrators to find their sensors";
   m.started = false;
-  m.planes_built_at_scans = m.keyframes = m.board_views = 0;
+  m.keyframes = m.board_views = 0;
   m.diagnostics.stage = "waiting for the calibrators";
   m.diagnostics.message = m.estimate.message;
 }

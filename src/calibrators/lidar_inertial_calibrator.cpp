@@ -22,12 +22,18 @@ constexpr int kStartIterations = 6;
 constexpr int kIterations = 2;
 constexpr double kMapSpacing_s = 0.5;  // between the sweeps that make up the published map
 
+/// Part of the sweep, in order of time.
 std::shared_ptr<const LidarScan> subsample(const LidarScan& scan, int max_points) {
   auto out = std::make_shared<LidarScan>();
   out->stamp = scan.stamp;
-  const std::size_t stride = scan.points.size() / static_cast<std::size_t>(max_points) + 1;
+  std::size_t stride = scan.points.size() / static_cast<std::size_t>(max_points) + 1;
+  if (stride % 2 == 0) ++stride;  // lasers come in powers of two: an odd stride visits all of them
   out->points.reserve(scan.points.size() / stride + 1);
   for (std::size_t i = 0; i < scan.points.size(); i += stride) out->points.push_back(scan.points[i]);
+  const auto earlier = [](const LidarPoint& a, const LidarPoint& b) { return a.offset_s < b.offset_s; };
+  if (!std::is_sorted(out->points.begin(), out->points.end(), earlier)) {
+    std::stable_sort(out->points.begin(), out->points.end(), earlier);
+  }
   return out;
 }
 
@@ -222,7 +228,7 @@ void LidarInertialCalibrator::Impl::startWindow(const Alignment& alignment) {
   }
   for (const double slack : kStartSlacks_m) {
     window.relink(true, slack);
-    window.optimize(kStartIterations);
+    if (!window.optimize(kStartIterations).failed) window.learnNoise();
   }
   started = true;
   last_solve = last;
@@ -249,8 +255,12 @@ void LidarInertialCalibrator::Impl::advance() {
 
 void LidarInertialCalibrator::Impl::solve() {
   last_solve = window.state().nodes.back().stamp;
-  window.relink(false, 0.02);
-  if (window.optimize(kIterations).failed) ++diagnostics.counts["failed solves"];
+  window.relink(window.planesAreStale(), 0.02);
+  if (window.optimize(kIterations).failed) {
+    ++diagnostics.counts["failed solves"];
+  } else {
+    window.learnNoise();
+  }
   const TimeNs oldest = last_solve - toNs(params.window_s);
   if (window.state().nodes.front().stamp < oldest && !window.marginalizeBefore(oldest)) {
     ++diagnostics.counts["failed marginalizations"];
@@ -259,6 +269,7 @@ void LidarInertialCalibrator::Impl::solve() {
 }
 
 void LidarInertialCalibrator::Impl::publish() {
+  ++version;
   Matrix14d covariance;
   if (!window.calibrationCovariance(&covariance)) {
     ++diagnostics.counts["covariances refused"];
@@ -275,7 +286,6 @@ void LidarInertialCalibrator::Impl::publish() {
   estimate.quality.keyframes = static_cast<int>(state.nodes.size());
   judgeEstimate(false, true, ObservabilityThresholds(), &estimate);
   diagnostics.message = estimate.message;
-  ++version;
 }
 
 std::vector<LidarKeyframe> LidarInertialCalibrator::Impl::takeKeyframes() {
@@ -303,9 +313,11 @@ std::optional<DeskewedCloud> LidarInertialCalibrator::deskewedCloud() const {
   DeskewedCloud cloud;
   cloud.stamp = state.nodes.back().stamp;
   cloud.T_W_I = state.nodes.back().T_W_I;
+  cloud.sweep = m.window.lidar()->scan(last).stamp;
   cloud.points_W = deskewToWorld(m.window.lidar()->scan(last), state, m.window.chain());
   cloud.plane = m.window.lidar()->planesOf(last);
   cloud.plane.resize(cloud.points_W.size(), -1);
+  cloud.calibration = state.calibration;
   cloud.calibration_version = m.version;
   return cloud;
 }
@@ -314,10 +326,12 @@ std::vector<Eigen::Vector3f> LidarInertialCalibrator::map() const {
   const Impl& m = *impl_;
   std::vector<Eigen::Vector3f> points;
   if (!m.started) return points;
+  const TimeNs offset = toNs(m.window.state().calibration.lidar_time_offset_s);
   TimeNs next = 0;
   for (int i = 0; i < m.window.lidar()->scans(); ++i) {
     const LidarScan& scan = m.window.lidar()->scan(i);
-    if (scan.stamp < next) continue;
+    const bool whole = scan.stamp + offset >= m.window.state().nodes.front().stamp;
+    if (scan.stamp < next || !whole) continue;
     next = scan.stamp + toNs(kMapSpacing_s);
     const auto deskewed = deskewToWorld(scan, m.window.state(), m.window.chain());
     points.insert(points.end(), deskewed.begin(), deskewed.end());
@@ -332,10 +346,12 @@ void LidarInertialCalibrator::setJointCalibration(const Calibration& calibration
   own.T_imu_lidar = calibration.T_imu_lidar;
   own.lidar_time_offset_s = calibration.lidar_time_offset_s;
   m.window.setLinearization(own);
+  ++m.version;
 }
 
 CalibratorDiagnostics LidarInertialCalibrator::diagnostics() const {
   CalibratorDiagnostics out = impl_->diagnostics;
+  if (impl_->started) out.counts["planes"] = impl_->window.planesInUse();
   out.counts["imu samples dropped"] = impl_->inbox.dropped();
   out.counts["imu samples refused"] = impl_->inbox.refused();
   return out;

@@ -53,8 +53,8 @@ void WindowRecord::takeMeasurements() {
   }
 }
 
-void WindowRecord::solveRound(bool rebuild, double slack_m, int iterations, bool all_points) {
-  window_.relink(rebuild, slack_m, all_points);
+void WindowRecord::solveRound(double slack_m, int iterations, bool all_points) {
+  window_.relink(true, slack_m, all_points);
   if (window_.optimize(iterations).failed) {
     ++failed_solves_;
   } else {
@@ -65,22 +65,18 @@ void WindowRecord::solveRound(bool rebuild, double slack_m, int iterations, bool
 /// Turns the oldest part into a prior, about states and calibration that fit all of the record.
 void WindowRecord::shorten(const Calibration& start) {
   window_.setLinearization(start);
-  solveRound(!shortened_, kStartSlack_m, kShortenIterations, true);
+  solveRound(kStartSlack_m, kShortenIterations, true);
   const TimeNs oldest = window_.state().nodes.back().stamp - toNs(length_s_);
-  if (window_.marginalizeBefore(oldest)) {
-    shortened_ = true;
-  } else {
-    ++failed_solves_;
-  }
+  if (!window_.marginalizeBefore(oldest)) ++failed_solves_;
 }
 
 bool WindowRecord::solve(const Calibration& start, const std::function<void(double)>& progress) {
   if (!started_ || window_.state().nodes.size() < 2) return false;
   window_.setLinearization(start);
   if (progress) progress(0.0);
-  solveRound(!shortened_, kStartSlack_m, kFirstIterations, false);
+  solveRound(kStartSlack_m, kFirstIterations, false);
   if (progress) progress(0.4);
-  solveRound(!shortened_, 0.0, kLastIterations, true);
+  solveRound(0.0, kLastIterations, true);
   if (progress) progress(1.0);
   return true;
 }
@@ -89,7 +85,7 @@ void WindowRecord::reset() {
   window_.imu().clear();
   frames_.clear();
   scans_.clear();
-  started_ = shortened_ = false;
+  started_ = false;
 }
 
 }  // namespace cocalib

@@ -18,6 +18,7 @@ constexpr double kUnknownOutline = 0.05;  // m, 1 sigma, where the rig file give
 constexpr double kFirstLambda = 1e-10, kMinLambda = 1e-12, kMaxLambda = 1e8;
 constexpr double kNegligible = 1e-2;  // decrease of the cost: a seventh of a sigma of one parameter
 constexpr double kInvisible = 1e-3;
+constexpr double kStaleShare = 0.3;  // of the scans in the window that may be newer than its planes
 
 void addDiagonalPrior(ChainSystem* system, int column, double error, double sigma) {
   const double w = 1.0 / (sigma * sigma);
@@ -57,7 +58,7 @@ void InertialWindow::reset(const NavState& first, const Calibration& calibration
   solved_.reset();
   excitation_ = LeverExcitation();
   board_known_ = false;
-  linked_scans_ = 0;
+  linked_scans_ = scans_since_planes_ = 0;
 }
 
 void InertialWindow::addNode(const NavState& state) {
@@ -102,18 +103,50 @@ void InertialWindow::relink(bool rebuild_planes, double slack_m, bool all_points
     if (!board_known_ && params_.camera->board) startBoard();
   }
   if (!lidar_ || lidar_->scans() == 0) return;
-  if (rebuild_planes && !prior_) {
-    constexpr std::size_t kMapPoints = 2000000;  // enough for sub-millimetre planes, a fraction of a second
-    plane_map_.clear();
-    const auto total =
-        static_cast<std::size_t>(lidar_->scans()) * std::max<std::size_t>(1, lidar_->scan(0).points.size());
-    lidar_->fillMap(state_, chain_, 0, static_cast<std::uint32_t>(total / kMapPoints) + 1, &plane_map_);
-    plane_map_.extract();
-    state_.planes = plane_map_.planes();
-    linked_scans_ = 0;
-  }
+  if (rebuild_planes) rebuildPlanes();
   lidar_->link(state_, chain_, plane_map_, linked_scans_, slack_m, board_known_, all_points);
   linked_scans_ = lidar_->scans();
+}
+
+bool InertialWindow::planesAreStale() const {
+  return lidar_ && scans_since_planes_ > static_cast<int>(kStaleShare * lidar_->scans());
+}
+
+std::size_t InertialWindow::planesInUse() const {
+  if (!lidar_) return 0;
+  const std::vector<bool> used = lidar_->planesInUse(state_.planes.size());
+  return static_cast<std::size_t>(std::count(used.begin(), used.end(), true));
+}
+
+/// Eliminates the planes that no point in the window lies on. @return the others, under their numbers
+std::vector<std::optional<Plane>> InertialWindow::retirePlanes() {
+  const std::vector<bool> used = lidar_->planesInUse(state_.planes.size());
+  std::vector<std::optional<Plane>> landmarks(state_.planes.size());
+  for (std::size_t i = 0; i < landmarks.size(); ++i) {
+    if (used[i]) {
+      landmarks[i] = state_.planes[i];
+    } else {
+      prior_->forgetPlane(static_cast<int>(i));
+    }
+  }
+  return landmarks;
+}
+
+void InertialWindow::rebuildPlanes() {
+  const auto landmarks = prior_ ? retirePlanes() : std::vector<std::optional<Plane>>();
+  constexpr std::size_t kMapPoints = 2000000;  // enough for sub-millimetre planes, a fraction of a second
+  plane_map_.clear();
+  const auto total =
+      static_cast<std::size_t>(lidar_->scans()) * std::max<std::size_t>(1, lidar_->scan(0).points.size());
+  lidar_->fillMap(state_, chain_, 0, static_cast<std::uint32_t>(total / kMapPoints) + 1, &plane_map_);
+  plane_map_.extract(landmarks);
+  state_.planes = plane_map_.planes();
+  for (std::size_t i = 0; prior_ && i < state_.planes.size(); ++i) {
+    const bool is_new = i >= landmarks.size() || !landmarks[i];
+    if (is_new) prior_->startPlane(static_cast<int>(i), state_.planes[i]);
+  }
+  linked_scans_ = 0;
+  scans_since_planes_ = 0;
 }
 
 /// Knowledge of what is shared, from before any data. Never part of a marginalization, so that it stays what it was.
@@ -158,30 +191,6 @@ void InertialWindow::addFirstPrior(const WindowState& state, ChainSystem* system
   system->cost += 0.5 * error.dot(w.cwiseProduct(error));
 }
 
-void InertialWindow::addMarginalPrior(const WindowState& state, ChainSystem* system) const {
-  const auto K = static_cast<Eigen::Index>(prior_->nodes.size());
-  const Eigen::Index G = prior_->H.rows() - 15 * K;
-  Eigen::VectorXd d(15 * K + G);
-  for (Eigen::Index a = 0; a < K; ++a) {
-    const auto node = static_cast<std::size_t>(prior_->nodes[static_cast<std::size_t>(a)]);
-    d.segment<15>(15 * a) = minus(state.nodes[node], prior_->base.nodes[static_cast<std::size_t>(a)]);
-  }
-  d.tail(G) = globalMinus(state, prior_->base).head(G);
-  const Eigen::VectorXd gradient = prior_->H * d + prior_->b;
-  for (Eigen::Index a = 0; a < K; ++a) {
-    const int i = prior_->nodes[static_cast<std::size_t>(a)];
-    system->diagonal(i) += prior_->H.block<15, 15>(15 * a, 15 * a);
-    system->gradient(i) += gradient.segment<15>(15 * a);
-    system->coupling(i).leftCols(G) += prior_->H.block(15 * a, 15 * K, 15, G);
-    for (Eigen::Index c = a + 1; c < K; ++c) {
-      system->offDiagonal(i, prior_->nodes[static_cast<std::size_t>(c)]) += prior_->H.block<15, 15>(15 * a, 15 * c);
-    }
-  }
-  system->H_global.topLeftCorner(G, G) += prior_->H.bottomRightCorner(G, G);
-  system->b_global.head(G) += gradient.tail(G);
-  system->cost += 0.5 * d.dot(prior_->H * d) + prior_->b.dot(d);
-}
-
 void InertialWindow::build(const WindowState& state, int end_node, ChainSystem* system) {
   const int nodes = static_cast<int>(state.nodes.size());
   ChainSystem visual(camera_ ? nodes : 0, camera_ ? system->globals() : 0);
@@ -189,7 +198,7 @@ void InertialWindow::build(const WindowState& state, int end_node, ChainSystem* 
   if (camera_) worker = std::thread([&] { camera_->accumulate(state, chain_, end_node, &visual); });
   chain_.accumulate(state, 0, end_node < 0 ? nodes - 2 : end_node - 1, system);
   if (lidar_) lidar_->accumulate(state, chain_, end_node, system);
-  prior_ ? addMarginalPrior(state, system) : addFirstPrior(state, system);
+  prior_ ? prior_->accumulate(state, system) : addFirstPrior(state, system);
   if (camera_) {
     worker.join();
     system->add(visual);
@@ -274,20 +283,13 @@ bool InertialWindow::marginalizeBefore(TimeNs stamp) {
   ChainSystem::Marginal marginal;
   if (!system.marginalizeFront(count, &marginal)) return false;
   excitation_.remember(state_.nodes, count);
-  Prior prior;
-  for (const int node : marginal.kept) prior.nodes.push_back(node - count);
   state_.nodes.erase(state_.nodes.begin(), state_.nodes.begin() + count);
-  prior.base = state_;
-  prior.base.nodes.clear();
-  for (const int node : prior.nodes) prior.base.nodes.push_back(state_.nodes[static_cast<std::size_t>(node)]);
-  prior.H = std::move(marginal.H);
-  prior.b = std::move(marginal.b);
-  prior_ = std::move(prior);
+  prior_.emplace(std::move(marginal), count, state_);
   chain_.dropFront(count);
   imu_.forgetBefore(state_.nodes.front().stamp - toNs(1.0));
   if (camera_) camera_->dropFront(count);
   if (lidar_) {
-    lidar_->dropFront(count);
+    lidar_->dropFront(count, state_.nodes.front().stamp - toNs(state_.calibration.lidar_time_offset_s));
     linked_scans_ = lidar_->scans();
   }
   return true;

@@ -46,15 +46,11 @@ std::uint32_t strideFor(std::size_t points, std::size_t wanted) {
   return wanted == 0 ? 1 : static_cast<std::uint32_t>((points + wanted - 1) / std::max<std::size_t>(1, wanted));
 }
 
-/// Adds one point's part of the quadratic form over (normal, -offset) of its plane. A range too long by e puts the
-/// point e ray away: not only off the plane but also, in step with that, along it, and the gradient of the squared
-/// distance has a mean of range2 ray ray^T even at the truth. It turns planes and poses by many sigmas when millions of
-/// points are summed; taken off here, the sum is that of the true points in expectation.
-void addToMoment(const Eigen::Vector3d& p_L, const Eigen::Vector3d& ray_L, double range2, double variance,
-                 Eigen::Matrix4d* moment) {
+void addPoint(const Eigen::Vector3d& p_L, const Eigen::Vector3d& ray_L, double range2, double variance,
+              PlanePoints* points) {
   const Eigen::Vector4d h = p_L.homogeneous();
-  moment->noalias() += (1.0 / variance) * h * h.transpose();
-  moment->topLeftCorner<3, 3>().noalias() -= (range2 / variance) * ray_L * ray_L.transpose();
+  points->moment.noalias() += (1.0 / variance) * h * h.transpose();
+  points->noise.noalias() += (range2 / variance) * ray_L * ray_L.transpose();
 }
 
 /// Moves a point seen dt after (before: dt < 0) the pose's time to that time: the static point in the moving lidar
@@ -67,14 +63,19 @@ Eigen::Vector3d deskew(const Eigen::Vector3f& p, double dt, const Eigen::Vector3
 }  // namespace
 
 template <typename Visit>
-void LidarGroup::forEachBin(const WindowState& state, const InertialChain& chain, const LidarScan& scan,
+void LidarGroup::forEachBin(const WindowState& state, const InertialChain& chain, const Scan& whole,
                             Visit&& visit) const {
+  const LidarScan& scan = *whole.raw;
   const std::vector<BinnedPoint> binned = sortIntoBins(scan, params_.bin_s);
   for (std::size_t begin = 0; begin < binned.size();) {
     std::size_t end = begin;
     while (end < binned.size() && binned[end].bin == binned[begin].bin) ++end;
     const double middle_s = (binned[begin].bin + 0.5) * params_.bin_s;
     const TimeNs stamp = scan.stamp + toNs(middle_s);
+    if (stamp < whole.from) {
+      begin = end;
+      continue;
+    }
     const int node = lidarNode(state, stamp);
     const TimedSensorPose pose = lidarPose(state, chain, node, stamp);
     const Eigen::Vector3d v_L = pose.T_W_S.q.conjugate() * pose.v_W;
@@ -90,7 +91,7 @@ void LidarGroup::forEachBin(const WindowState& state, const InertialChain& chain
 void LidarGroup::fillMap(const WindowState& state, const InertialChain& chain, int first_scan, std::uint32_t stride,
                          PlaneMap* map) const {
   for (std::size_t s = static_cast<std::size_t>(first_scan); s < scans_.size(); ++s) {
-    forEachBin(state, chain, *scans_[s].raw,
+    forEachBin(state, chain, scans_[s],
                [&](TimeNs, int, const TimedSensorPose& pose, const auto& point, const BinnedPoint* binned,
                    std::size_t begin, std::size_t end) {
                  for (std::size_t k = begin; k < end; ++k) {
@@ -121,11 +122,11 @@ void LidarGroup::link(const WindowState& state, const InertialChain& chain, cons
 
 std::optional<BoardSegment> LidarGroup::findBoard(const WindowState& state, const InertialChain& chain,
                                                   const Scan& scan, double slack_m) const {
-  if (scan.raw->points.empty()) return std::nullopt;
+  if (scan.raw->points.empty() || scan.from > 0) return std::nullopt;  // half of a sweep may show half of the board
   const TimeNs middle = scan.raw->stamp + toNs(0.5 * scan.raw->points.back().offset_s);
   const Pose T_L_W = lidarPose(state, chain, lidarNode(state, middle), middle).T_W_S.inverse();
   std::vector<Eigen::Vector3f> points_L(scan.raw->points.size());
-  forEachBin(state, chain, *scan.raw,
+  forEachBin(state, chain, scan,
              [&](TimeNs, int, const TimedSensorPose& pose, const auto& point, const BinnedPoint* binned,
                  std::size_t begin, std::size_t end) {
                const Pose T_M_L = T_L_W * pose.T_W_S;
@@ -179,23 +180,23 @@ void LidarGroup::linkScan(const WindowState& state, const InertialChain& chain, 
         continue;
       }
       scan->addResidual(distance, cosine, floor2);
-      Eigen::Matrix4d* moment = &bin.board;
+      PlanePoints* points = &bin.board;
       if (on_board) {
         ++bin.board_points;
       } else {
         label = static_cast<std::int16_t>(plane);
         auto entry =
             std::find_if(bin.planes.begin(), bin.planes.end(), [&](const auto& e) { return e.first == plane; });
-        if (entry == bin.planes.end()) entry = bin.planes.insert(entry, {plane, Eigen::Matrix4d::Zero()});
-        moment = &entry->second;
+        if (entry == bin.planes.end()) entry = bin.planes.insert(entry, {plane, PlanePoints()});
+        points = &entry->second;
         scan->square_m2 += distance * distance;
         ++scan->points;
       }
-      addToMoment(p_L, ray_L, range2, variance, moment);
+      addPoint(p_L, ray_L, range2, variance, points);
     }
     if (!bin.planes.empty() || bin.board_points > 0) scan->bins.push_back(std::move(bin));
   };
-  forEachBin(state, chain, *scan->raw, addBin);
+  forEachBin(state, chain, *scan, addBin);
 }
 
 void LidarGroup::linkEdges(const WindowState& state, const InertialChain& chain, const BoardSegment& board,

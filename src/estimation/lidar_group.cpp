@@ -36,10 +36,10 @@ void LidarGroup::accumulateBin(const WindowState& state, const InertialChain& ch
   const TimedSensorPose pose = lidarPose(state, chain, bin.node, bin.stamp);
   Matrix6d H = Matrix6d::Zero();
   Vector6d b = Vector6d::Zero();
-  for (const auto& [index, moment] : bin.planes) {
-    const PlaneMomentResidual f = planeMoment(pose.T_W_S, state.planes[static_cast<std::size_t>(index)], moment);
+  for (const auto& [index, points] : bin.planes) {
+    const PlaneMomentResidual f = planeMoment(pose.T_W_S, state.planes[static_cast<std::size_t>(index)], points);
     const Eigen::Matrix<double, 4, 3> J_plane = f.J_plane * tangents[static_cast<std::size_t>(index)];
-    const Eigen::Matrix<double, 4, 3> S_J = moment * J_plane;
+    const Eigen::Matrix<double, 4, 3> S_J = points.moment * J_plane;
     const int column = GlobalLayout::plane(index);
     H += f.H_pose;
     b += f.b_pose;
@@ -51,7 +51,7 @@ void LidarGroup::accumulateBin(const WindowState& state, const InertialChain& ch
   if (bin.board_points > 0) {
     const PlaneMomentResidual f = planeMoment(pose.T_W_S, boardPlane(state.T_W_B), bin.board);
     const Eigen::Matrix<double, 4, 6> J_board = f.J_plane * boardPlaneTangent(state.T_W_B);
-    const Eigen::Matrix<double, 4, 6> S_J = bin.board * J_board;
+    const Eigen::Matrix<double, 4, 6> S_J = bin.board.moment * J_board;
     H += f.H_pose;
     b += f.b_pose;
     scatterPoseGlobal(pose, bin.node, kL, f.J_pose.transpose() * S_J, kB, system);
@@ -88,15 +88,33 @@ void LidarGroup::accumulateEdge(const WindowState& state, const InertialChain& c
   system->cost += robust.cost;
 }
 
-void LidarGroup::dropFront(int end_node) {
-  const auto begins_before = [&](const Scan& scan) {
-    return std::any_of(scan.bins.begin(), scan.bins.end(), [&](const Bin& bin) { return bin.node < end_node; });
+void LidarGroup::dropFront(int end_node, TimeNs from) {
+  const auto isOver = [&](const Scan& scan) {
+    return scan.raw->points.empty() || scan.raw->stamp + toNs(scan.raw->points.back().offset_s) < from;
   };
-  scans_.erase(scans_.begin(), std::find_if_not(scans_.begin(), scans_.end(), begins_before));
+  scans_.erase(scans_.begin(), std::find_if_not(scans_.begin(), scans_.end(), isOver));
   for (Scan& scan : scans_) {
+    if (scan.raw->stamp < from) scan.from = std::max(scan.from, from);
+    // The clock offset may have moved since the nodes were found: what was used must not come back.
+    for (const Bin& bin : scan.bins) {
+      if (bin.node < end_node) scan.from = std::max(scan.from, bin.stamp + 1);
+    }
+    const auto used = [&](const auto& entry) { return entry.node < end_node; };
+    scan.bins.erase(std::remove_if(scan.bins.begin(), scan.bins.end(), used), scan.bins.end());
+    scan.edges.erase(std::remove_if(scan.edges.begin(), scan.edges.end(), used), scan.edges.end());
     for (Bin& bin : scan.bins) bin.node -= end_node;
     for (Edge& edge : scan.edges) edge.node -= end_node;
   }
+}
+
+std::vector<bool> LidarGroup::planesInUse(std::size_t count) const {
+  std::vector<bool> used(count, false);
+  for (const Scan& scan : scans_) {
+    for (const Bin& bin : scan.bins) {
+      for (const auto& entry : bin.planes) used[static_cast<std::size_t>(entry.first)] = true;
+    }
+  }
+  return used;
 }
 
 double LidarGroup::planeRms() const {

@@ -29,7 +29,7 @@ Eigen::Matrix<double, 3, 6> pointJacobian(const Pose& T_W_B, const Eigen::Vector
   return J;
 }
 
-PlaneMomentResidual planeMoment(const Pose& T_W_L, const Plane& plane_W, const Eigen::Matrix4d& moment) {
+PlaneMomentResidual planeMoment(const Pose& T_W_L, const Plane& plane_W, const PlanePoints& points) {
   const Eigen::Matrix3d R_L_W = T_W_L.R().transpose();
   const Eigen::Vector3d& n = plane_W.normal;
   Eigen::Vector4d pi;
@@ -43,9 +43,10 @@ PlaneMomentResidual planeMoment(const Pose& T_W_L, const Plane& plane_W, const E
   out.J_plane.block<3, 3>(0, 0) = R_L_W;
   out.J_plane.block<1, 3>(3, 0) = T_W_L.t.transpose();
   out.J_plane(3, 3) = -1.0;
-  out.S_pi = moment * pi;
+  out.S_pi = points.moment * pi;
+  out.S_pi.head<3>() -= points.noise * pi.head<3>();
   out.cost = 0.5 * pi.dot(out.S_pi);
-  out.H_pose = out.J_pose.transpose() * moment * out.J_pose;
+  out.H_pose = out.J_pose.transpose() * points.moment * out.J_pose;
   out.b_pose = out.J_pose.transpose() * out.S_pi;
   return out;
 }

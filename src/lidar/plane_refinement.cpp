@@ -57,7 +57,7 @@ class Refiner {
   Refiner(const MomentVoxels& voxels, const std::vector<PlaneRegion>& regions, const PlaneMap::Params& params)
       : voxels_(voxels), params_(params), sigma_m_(params.sigma()), territory_(voxels.edge()) {
     for (const PlaneRegion& region : regions) {
-      planes_.push_back({region.plane, 0.0, surroundingsOf(region), {}});
+      planes_.push_back({region.plane, PointMoments(), surroundingsOf(region), {}});
       columns_.push_back(columnsOf(region));
       const int number = static_cast<int>(planes_.size()) - 1;
       for (const Voxel& voxel : planes_.back().surroundings) territory_.addNear(voxel, number);
@@ -213,11 +213,11 @@ class Refiner {
       const std::vector<Voxel> claimed = voxelsOf(plane, column, params_.gate_sigmas);
       refined.pure.insert(refined.pure.end(), claimed.begin(), claimed.end());
     }
-    refined.support = 0.0;
+    refined.support = PointMoments();
     if (all.count <= 0.0) return;
     const double width_m = std::sqrt(principalAxes(all).variances[1]);
     if (sigma_m_ > kMaxNormalSigma * width_m * std::sqrt(all.count)) return;
-    refined.support = all.count;
+    refined.support = all;
     refined.plane = regress(all, mainAxis(plane));
   }
 

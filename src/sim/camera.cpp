@@ -7,6 +7,7 @@
 namespace cocalib::sim {
 
 int imageCount(const Scenario& scenario) {
+  if (!scenario.camera.present) return 0;
   return static_cast<int>(std::floor(scenario.duration_s * scenario.camera.rate_hz + 1e-9));
 }
 

@@ -113,7 +113,7 @@ void Scenario::validate() const {
   requireRange("gravity", gravity, 9.7, 9.9, "m/s^2");
   requireRange("ramp", ramp_s, 0.5, 60.0, "s");
   validateImu(imu);
-  validateCamera(camera);
+  if (camera.present) validateCamera(camera);
   validateLidar(lidar);
   if (board.present) validateBoard(board);
 }

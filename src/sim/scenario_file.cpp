@@ -115,6 +115,7 @@ void readImu(Block block, Scenario& scenario) {
 }
 
 void readCamera(Block block, Scenario::Camera& camera) {
+  block.read("present", camera.present);
   block.readTopic("topic", camera.topic);
   block.readTopic("info_topic", camera.info_topic);
   block.readTopic("frame", camera.frame);
@@ -193,8 +194,9 @@ Scenario readScenario(const YAML::Node& root) {
   block.read("duration", scenario.duration_s);
   block.read("gravity", scenario.gravity);
   block.read("ramp", scenario.ramp_s);
-  block.readChoice("place", scenario.place,
-                   {{"room", Place::kRoom}, {"corridor", Place::kCorridor}, {"wall", Place::kWall}});
+  block.readChoice(
+      "place", scenario.place,
+      {{"room", Place::kRoom}, {"corridor", Place::kCorridor}, {"wall", Place::kWall}, {"building", Place::kBuilding}});
   block.readChoice("motion", scenario.motion,
                    {{"full", Motion::kFull},
                     {"mild", Motion::kMild},

@@ -3,6 +3,8 @@
 #include <cmath>
 #include <limits>
 
+#include "cocalib/sim/drive.h"
+
 namespace cocalib::sim {
 namespace {
 
@@ -43,8 +45,59 @@ std::vector<Rectangle> corridor() {
           rectangle({4.2, 4.0, 0.0}, z, x, half, 1.8), rectangle({4.2, 4.0, 3.4}, -z, x, half, 1.8)};
 }
 
-std::vector<Rectangle> wall() {
+std::vector<Rectangle> facade() {
   return {rectangle({7.2, 4.0, 1.7}, -Eigen::Vector3d::UnitX(), Eigen::Vector3d::UnitY(), 60.0, 30.0)};
+}
+
+/// An upright wall from one point of the floor to another, `height` high.
+Rectangle wall(double x0, double y0, double x1, double y1, double height) {
+  const Eigen::Vector3d along(x1 - x0, y1 - y0, 0.0);
+  return rectangle({0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * height}, {-along.y(), along.x(), 0.0}, along,
+                   0.5 * along.norm(), 0.5 * height);
+}
+
+/// Both faces and both ends of a wall of 0.2 m, from one point of the floor to another along x or y.
+void addPartition(double x0, double y0, double x1, double y1, double height, std::vector<Rectangle>* out) {
+  const Eigen::Vector2d along = Eigen::Vector2d(x1 - x0, y1 - y0).normalized(), half(-0.1 * along.y(), 0.1 * along.x());
+  const double dx = half.x(), dy = half.y();
+  out->push_back(wall(x0 + dx, y0 + dy, x1 + dx, y1 + dy, height));
+  out->push_back(wall(x1 - dx, y1 - dy, x0 - dx, y0 - dy, height));
+  out->push_back(wall(x0 + dx, y0 + dy, x0 - dx, y0 - dy, height));
+  out->push_back(wall(x1 + dx, y1 + dy, x1 - dx, y1 - dy, height));
+}
+
+/// Six rooms around a closed court of 14 x 8 m, in a building of 24 x 18 m; doors
+/// of 2.6 m where the drive passes. In each room something else leans or stands.
+std::vector<Rectangle> building() {
+  constexpr double kHeight = 3.4, kDoor = 1.3;
+  const double X = drive::kMiddleX, Y = drive::kMiddleY;
+  const Eigen::Vector3d x = Eigen::Vector3d::UnitX(), z = Eigen::Vector3d::UnitZ();
+  std::vector<Rectangle> out = {rectangle({X, Y, 0}, z, x, 12, 9), rectangle({X, Y, kHeight}, -z, x, 12, 9)};
+  const auto outline = [&](double half_x, double half_y) {
+    out.push_back(wall(X - half_x, Y - half_y, X + half_x, Y - half_y, kHeight));
+    out.push_back(wall(X + half_x, Y - half_y, X + half_x, Y + half_y, kHeight));
+    out.push_back(wall(X + half_x, Y + half_y, X - half_x, Y + half_y, kHeight));
+    out.push_back(wall(X - half_x, Y + half_y, X - half_x, Y - half_y, kHeight));
+  };
+  outline(12, 9);
+  outline(7, 4);
+  // Partitions across the ring of rooms, each with a door; the drive passes at 6.4 m from the long middle line and at
+  // 9.4 m from the short one.
+  const auto acrossX = [&](double at_x, double side) {
+    addPartition(X + at_x, Y + side * 4, X + at_x, Y + side * (6.4 - kDoor), kHeight, &out);
+    addPartition(X + at_x, Y + side * (6.4 + kDoor), X + at_x, Y + side * 9, kHeight, &out);
+  };
+  acrossX(4.0, 1.0);
+  acrossX(-4.0, 1.0);
+  acrossX(4.5, -1.0);
+  acrossX(-3.5, -1.0);
+  addPartition(X + 7, Y + 0.3, X + 9.4 - kDoor, Y + 0.3, kHeight, &out);
+  addPartition(X + 9.4 + kDoor, Y + 0.3, X + 12, Y + 0.3, kHeight, &out);
+  out.push_back(rectangle({X - 11.3, Y - 3.0, 1.2}, {1, 0.4, 0.3}, Eigen::Vector3d::UnitY(), 0.8, 0.9));
+  out.push_back(rectangle({X + 11.2, Y + 5.0, 1.2}, {-1, -0.5, 0.2}, Eigen::Vector3d::UnitY(), 0.9, 1.0));
+  out.push_back(rectangle({X + 0.5, Y + 8.5, 1.1}, {0.3, -1, 0.3}, x, 1.0, 0.8));
+  out.push_back(rectangle({X - 0.5, Y - 8.4, 1.0}, {-0.4, 1, 0.2}, x, 1.1, 0.9));
+  return out;
 }
 
 std::vector<Rectangle> surfacesOf(Place place) {
@@ -52,7 +105,9 @@ std::vector<Rectangle> surfacesOf(Place place) {
     case Place::kCorridor:
       return corridor();
     case Place::kWall:
-      return wall();
+      return facade();
+    case Place::kBuilding:
+      return building();
     case Place::kRoom:
       break;
   }

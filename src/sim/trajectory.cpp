@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "cocalib/sim/drive.h"
 #include "cocalib/sim/random.h"
 #include "cocalib/sim/scene.h"
 
@@ -56,7 +57,8 @@ std::array<bool, 6> movedAxes(Motion motion) {
 
 }  // namespace
 
-Trajectory::Trajectory(const Scenario& scenario) : epoch_(scenario.epoch), ramp_s_(scenario.ramp_s) {
+Trajectory::Trajectory(const Scenario& scenario)
+    : epoch_(scenario.epoch), ramp_s_(scenario.ramp_s), driven_(scenario.place == Place::kBuilding) {
   const AxisTable& table = scenario.motion == Motion::kMild ? mildTable() : fullTable();
   const std::array<bool, 6> moved = movedAxes(scenario.motion);
   Random random(scenario.seed, Random::Stream::kMotion);
@@ -96,18 +98,35 @@ Eigen::Vector3d Trajectory::axis(int index, double t, const Eigen::Vector3d& ram
           ramp[2] * sum[0] + 2.0 * ramp[1] * sum[1] + ramp[0] * sum[2]};
 }
 
+void Trajectory::addDrive(double t, const Eigen::Vector3d& ramp, Eigen::Vector3d axes[6]) const {
+  if (!driven_ || t <= 0.0) return;
+  // The speed along the way swells with the ramp, so the way is its integral.
+  const double u = std::min(t / ramp_s_, 1.0);
+  const double u6 = u * u * u * u * u * u;
+  const double swollen_s = ramp_s_ * u6 * (21.0 + u * (-60.0 + u * (67.5 + u * (-35.0 + u * 7.0))));
+  const double angle = drive::kRate * (swollen_s + std::max(0.0, t - ramp_s_));
+  const double rate = drive::kRate * ramp[0], acceleration = drive::kRate * ramp[1];
+  const drive::Point way = drive::at(angle);
+  for (int i = 0; i < 2; ++i) {
+    axes[i] += Eigen::Vector3d(way.p[i], way.dp[i] * rate, way.ddp[i] * rate * rate + way.dp[i] * acceleration);
+  }
+  axes[5] += Eigen::Vector3d(angle, rate, acceleration);
+}
+
 Pose Trajectory::T_W_I(double t) const {
   const Eigen::Vector3d s = ramp(t);
-  double value[6];
-  for (int i = 0; i < 6; ++i) value[i] = axis(i, t, s, 0)[0];
-  const Eigen::Quaterniond q(rotationFromRpy({value[3], value[4], value[5]}));
-  return {q, restPosition() + Eigen::Vector3d(value[0], value[1], value[2])};
+  Eigen::Vector3d axes[6];
+  for (int i = 0; i < 6; ++i) axes[i] = axis(i, t, s, 0);
+  addDrive(t, s, axes);
+  const Eigen::Quaterniond q(rotationFromRpy({axes[3][0], axes[4][0], axes[5][0]}));
+  return {q, restPosition() + Eigen::Vector3d(axes[0][0], axes[1][0], axes[2][0])};
 }
 
 Trajectory::Kinematics Trajectory::at(double t) const {
   const Eigen::Vector3d s = ramp(t);
   Eigen::Vector3d axes[6];
   for (int i = 0; i < 6; ++i) axes[i] = axis(i, t, s, 2);
+  addDrive(t, s, axes);
   Kinematics k;
   const double roll = axes[3][0], pitch = axes[4][0];
   const double roll_rate = axes[3][1], pitch_rate = axes[4][1], yaw_rate = axes[5][1];

@@ -51,20 +51,23 @@ std::string truthText(const Scenario& scenario, const Scene& scene, const Trajec
        << "scenario: \"" << scenario.name << "\"\n"
        << "seed: " << scenario.seed << "\n"
        << "duration: " << number(scenario.duration_s) << "\n"
-       << "camera:\n"
-       << "  T_imu_camera: " << pose(scenario.camera.T_imu_camera()) << "\n"
-       << "  time_offset: " << number(scenario.camera.time_offset_s) << "  # t_imu = t_camera + time_offset\n"
        << "lidar:\n"
        << "  T_imu_lidar: " << pose(scenario.lidar.T_imu_lidar()) << "\n"
        << "  time_offset: " << number(scenario.lidar.time_offset_s) << "  # t_imu = t_lidar + time_offset\n"
-       << "lidar_camera:\n"
-       << "  T_lidar_camera: " << pose(scenario.lidar.T_imu_lidar().inverse() * scenario.camera.T_imu_camera()) << "\n"
        << "imu:  # biases at the first and at the last sample\n"
        << "  gyroscope_bias: " << vector3(biases.front().gyro) << "\n"
        << "  accelerometer_bias: " << vector3(biases.front().accel) << "\n"
        << "  gyroscope_bias_at_end: " << vector3(biases.back().gyro) << "\n"
        << "  accelerometer_bias_at_end: " << vector3(biases.back().accel) << "\n"
        << "  gravity: " << number(scenario.gravity) << "\n";
+  if (scenario.camera.present) {
+    text << "camera:\n"
+         << "  T_imu_camera: " << pose(scenario.camera.T_imu_camera()) << "\n"
+         << "  time_offset: " << number(scenario.camera.time_offset_s) << "  # t_imu = t_camera + time_offset\n"
+         << "lidar_camera:\n"
+         << "  T_lidar_camera: " << pose(scenario.lidar.T_imu_lidar().inverse() * scenario.camera.T_imu_camera())
+         << "\n";
+  }
   if (scene.boardIndex() >= 0) text << "board:\n  T_world_board: " << pose(scene.T_W_B()) << "\n";
   text << "trajectory:  # [stamp on the IMU clock, x, y, z, qx, qy, qz, qw] of T_world_imu\n";
   for (int i = 0; i <= static_cast<int>(10.0 * scenario.duration_s); ++i) {
@@ -91,16 +94,18 @@ std::string rigText(const Scenario& scenario) {
        << "  gyroscope_noise_density: " << number(gyro_noise) << "      # rad/s/sqrt(Hz)\n"
        << "  gyroscope_random_walk: " << number(gyro_walk) << "         # rad/s^2/sqrt(Hz)\n"
        << "  accelerometer_noise_density: " << number(accel_noise) << "   # m/s^2/sqrt(Hz)\n"
-       << "  accelerometer_random_walk: " << number(accel_walk) << "     # m/s^3/sqrt(Hz)\n"
-       << "camera:\n"
-       << "  topic: " << scenario.camera.topic << suffix << "\n"
-       << "  info_topic: " << scenario.camera.info_topic << "\n"
-       << "  frame: " << scenario.camera.frame << "\n"
-       << "lidar:\n"
+       << "  accelerometer_random_walk: " << number(accel_walk) << "     # m/s^3/sqrt(Hz)\n";
+  if (scenario.camera.present) {
+    text << "camera:\n"
+         << "  topic: " << scenario.camera.topic << suffix << "\n"
+         << "  info_topic: " << scenario.camera.info_topic << "\n"
+         << "  frame: " << scenario.camera.frame << "\n";
+  }
+  text << "lidar:\n"
        << "  topic: " << scenario.lidar.topic << "\n"
        << "  frame: " << scenario.lidar.frame << "\n"
        << "  range_noise: " << number(std::max(scenario.lidar.range_noise_m, 0.001)) << "  # m, 1 sigma\n";
-  if (scenario.board.present) {
+  if (scenario.board.present && scenario.camera.present) {
     text << "target:\n"
          << "  type: checkerboard\n"
          << "  cols: " << scenario.board.cols << "           # inner corners\n"

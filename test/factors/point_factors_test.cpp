@@ -49,7 +49,7 @@ TEST(PointJacobian, MatchesCentralDifferences) {
 
 struct Cloud {
   std::vector<Eigen::Vector3d> points_L;
-  Eigen::Matrix4d moment = Eigen::Matrix4d::Zero();
+  PlanePoints sum;
 };
 
 Cloud someCloud(double weight) {
@@ -60,7 +60,7 @@ Cloud someCloud(double weight) {
     cloud.points_L.emplace_back(coordinate(random), coordinate(random), coordinate(random));
     Eigen::Vector4d h;
     h << cloud.points_L.back(), 1.0;
-    cloud.moment += weight * h * h.transpose();
+    cloud.sum.moment += weight * h * h.transpose();
   }
   return cloud;
 }
@@ -71,12 +71,12 @@ TEST(PlaneMoment, EqualsTheSumOverItsPoints) {
   const Cloud cloud = someCloud(4.0);
   double half_sum = 0.0;
   for (const auto& p : cloud.points_L) half_sum += 0.5 * 4.0 * std::pow(kPlane.distance(kT_W_S * p), 2);
-  EXPECT_NEAR(planeMoment(kT_W_S, kPlane, cloud.moment).cost, half_sum, 1e-8 * half_sum);
+  EXPECT_NEAR(planeMoment(kT_W_S, kPlane, cloud.sum).cost, half_sum, 1e-8 * half_sum);
 }
 
 TEST(PlaneMoment, GradientAndHessianEqualThoseOfItsPoints) {
   const Cloud cloud = someCloud(1.0);
-  const PlaneMomentResidual f = planeMoment(kT_W_S, kPlane, cloud.moment);
+  const PlaneMomentResidual f = planeMoment(kT_W_S, kPlane, cloud.sum);
   const auto distances = [&](const Pose& T) {
     Eigen::Matrix<double, 50, 1> r;
     for (int i = 0; i < 50; ++i) r[i] = kPlane.distance(T * cloud.points_L[static_cast<std::size_t>(i)]);
@@ -85,6 +85,32 @@ TEST(PlaneMoment, GradientAndHessianEqualThoseOfItsPoints) {
   const auto J = test::numericPoseJacobian<50>(kT_W_S, distances);
   EXPECT_TRUE(f.H_pose.isApprox(J.transpose() * J, 1e-6));
   EXPECT_TRUE(f.b_pose.isApprox(J.transpose() * distances(kT_W_S), 1e-6));
+}
+
+TEST(PlaneMoment, NoiseAlongTheRaysLeavesTheGradientButNotTheHessian) {
+  // A point's part is quadratic in the error of its range: all errors one sigma long and all one sigma short have
+  // together the mean of all that may happen.
+  const Cloud cloud = someCloud(1.0);
+  const PlaneMomentResidual want = planeMoment(kT_W_S, kPlane, cloud.sum);
+  constexpr double kSigma = 0.2;
+  Vector6d mean = Vector6d::Zero(), uncorrected = Vector6d::Zero();
+  for (const double error : {-kSigma, kSigma}) {
+    PlanePoints noisy;
+    for (const Eigen::Vector3d& p : cloud.points_L) {
+      const Eigen::Vector3d ray = p.normalized();
+      const Eigen::Vector4d h = (p + error * ray).eval().homogeneous();
+      noisy.moment += h * h.transpose();
+      noisy.noise += kSigma * kSigma * ray * ray.transpose();
+    }
+    const PlaneMomentResidual f = planeMoment(kT_W_S, kPlane, noisy);
+    mean += 0.5 * f.b_pose;
+    noisy.noise.setZero();
+    const PlaneMomentResidual plain = planeMoment(kT_W_S, kPlane, noisy);
+    EXPECT_EQ(plain.H_pose, f.H_pose);
+    uncorrected += 0.5 * plain.b_pose;
+  }
+  EXPECT_LT((mean - want.b_pose).norm(), 1e-9 * want.b_pose.norm());
+  EXPECT_GT((uncorrected - want.b_pose).norm(), 1e-4);
 }
 
 TEST(PlaneMoment, PlaneTangentsMatchCentralDifferences) {

@@ -184,6 +184,44 @@ TEST(PlaneMap, TakesNoPlaneFromClutterLinesOrFewPoints) {
   EXPECT_EQ(map.planeAt({1.0, 1.0, 1.0}, Eigen::Vector3d::UnitY()), -1);
 }
 
+TEST(PlaneMap, LandmarksKeepTheirNumbersAndNewPlanesGetFreeOnes) {
+  Corner corner(kPlacements[3]);
+  const std::vector<Plane> found = corner.map.planes();
+  ASSERT_EQ(found.size(), 3U);
+  // Known from before: the third wall (its estimate 5 mm off) as number 0, one that is gone as 1; number 2 is free.
+  Plane shifted = found[2];
+  shifted.offset_m += 0.005;
+  const Plane gone{Eigen::Vector3d::UnitX(), 50.0};
+  corner.map.extract({shifted, gone, std::nullopt});
+  const std::vector<Plane>& planes = corner.map.planes();
+  ASSERT_EQ(planes.size(), 4U);
+  EXPECT_EQ(planes[0].offset_m, shifted.offset_m);  // a landmark's estimate is not the map's to change
+  EXPECT_EQ(planes[1].offset_m, 50.0);
+  EXPECT_LT(angleBetween(planes[2].normal, found[0].normal), 1e-9);  // the larger one takes the free number
+  EXPECT_LT(angleBetween(planes[3].normal, found[1].normal), 1e-9);
+  const std::vector<int> number_of = {2, 3, 0};
+  for (int k = 0; k < 3; ++k) {
+    std::vector<int> claimed(4, 0);
+    for (const Eigen::Vector3d& p : corner.walls[static_cast<std::size_t>(k)]) {
+      const int plane = corner.map.planeAt(p, corner.normals[static_cast<std::size_t>(k)]);
+      if (plane >= 0) ++claimed[static_cast<std::size_t>(plane)];
+    }
+    for (int plane = 0; plane < 4; ++plane) {
+      EXPECT_EQ(claimed[static_cast<std::size_t>(plane)] > 1000, plane == number_of[static_cast<std::size_t>(k)]);
+    }
+  }
+}
+
+TEST(PlaneMap, AWallBesideALandmarkIsANewPlane) {
+  const Corner corner(kPlacements[3]);
+  PlaneMap map(exactPoses());
+  for (const auto& wall : corner.walls) add(wall, &map);
+  Plane beside = corner.map.planes()[0];
+  beside.offset_m += 0.04;  // more than poses err by
+  map.extract({beside});
+  EXPECT_EQ(map.planes().size(), 4U);
+}
+
 TEST(PlaneMap, SamePointsSameBitsAlsoAfterClear) {
   const auto points = Sampler().patch({0.1, 3.33, 0.0}, {2.0, 0.1, 0.0}, {0.0, 0.2, 2.4}, 30000);
   PlaneMap one(exactPoses()), two(exactPoses());

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "cocalib/sim/scene.h"
+
 namespace cocalib::sim {
 namespace {
 
@@ -22,6 +24,48 @@ TEST(Trajectory, DerivativesMatchDifferencesAlsoWhileTheMotionSwells) {
       EXPECT_LT((omega - k.omega_I).norm(), 1e-5) << t;
       EXPECT_LT((trajectory.T_W_I(t).t - k.T_W_I.t).norm(), 1e-12);
     }
+  }
+}
+
+TEST(Trajectory, DerivativesMatchDifferencesOnTheDrive) {
+  Scenario scenario;
+  scenario.place = Place::kBuilding;
+  const Trajectory trajectory(scenario);
+  constexpr double h = 1e-4;
+  for (const double t : {0.2, 0.75, 1.4, 1.6, 9.3, 55.0}) {
+    const Trajectory::Kinematics k = trajectory.at(t);
+    const Pose before = trajectory.T_W_I(t - h), after = trajectory.T_W_I(t + h);
+    EXPECT_LT(((after.t - before.t) / (2 * h) - k.v_W).norm(), 1e-5) << t;
+    EXPECT_LT(((trajectory.velocity(t + h) - trajectory.velocity(t - h)) / (2 * h) - k.a_W).norm(), 1e-5) << t;
+    EXPECT_LT((logSo3(before.q.conjugate() * after.q) / (2 * h) - k.omega_I).norm(), 1e-5) << t;
+  }
+}
+
+TEST(Trajectory, TheDriveGoesThroughTheDoorsAndComesBack) {
+  for (const std::uint64_t seed : {1U, 5U}) {
+    Scenario scenario;
+    scenario.seed = seed;
+    scenario.place = Place::kBuilding;
+    const Trajectory trajectory(scenario);
+    const Scene scene(scenario);
+    // A step of the way never crosses a wall, and nothing is nearer than 0.4 m.
+    Eigen::Vector3d last = trajectory.T_W_I(0.0).t;
+    double farthest = 0.0;
+    for (double t = 0.05; t < 60.0; t += 0.05) {
+      const Eigen::Vector3d here = trajectory.T_W_I(t).t;
+      EXPECT_TRUE(scene.visible(last, here)) << t;
+      for (int axis = 0; axis < 2; ++axis) {
+        for (const double side : {-1.0, 1.0}) {
+          const auto hit = scene.raycast(here, side * Eigen::Vector3d::Unit(axis));
+          ASSERT_TRUE(hit) << t;
+          EXPECT_GT(hit->range, 0.4) << t;
+        }
+      }
+      farthest = std::max(farthest, (here - restPosition()).norm());
+      last = here;
+    }
+    EXPECT_GT(farthest, 18.0);
+    EXPECT_LT((trajectory.T_W_I(55.4).t - restPosition()).norm(), 2.5);  // once around, and the swaying
   }
 }
 

@@ -28,8 +28,10 @@ struct LidarInertialParams {
 struct DeskewedCloud {
   TimeNs stamp = 0;  ///< of the instant to which T_W_I refers, IMU clock
   Pose T_W_I;
+  TimeNs sweep = 0;                       ///< stamp of the sweep, lidar clock
   std::vector<Eigen::Vector3f> points_W;  ///< same order as the (subsampled) sweep
   std::vector<std::int16_t> plane;        ///< plane number of each point, -1: none
+  Calibration calibration;                ///< the one of all its points (lidar part)
   std::uint32_t calibration_version = 0;  ///< grows with every accepted improvement; never changes inside a cloud
 };
 

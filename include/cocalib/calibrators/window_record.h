@@ -33,14 +33,14 @@ class WindowRecord {
 
  private:
   void takeMeasurements();
-  void solveRound(bool rebuild, double slack_m, int iterations, bool all_points);
+  void solveRound(double slack_m, int iterations, bool all_points);
   void shorten(const Calibration& start);
 
   InertialWindow window_;
   double length_s_;
   std::deque<VisualKeyframe> frames_;
   std::deque<std::shared_ptr<const LidarScan>> scans_;
-  bool started_ = false, shortened_ = false;
+  bool started_ = false;
   std::size_t failed_solves_ = 0;
 };
 

@@ -7,6 +7,7 @@
 #include "cocalib/estimation/inertial_chain.h"
 #include "cocalib/estimation/lever_excitation.h"
 #include "cocalib/estimation/lidar_group.h"
+#include "cocalib/estimation/marginal_prior.h"
 #include "cocalib/estimation/window_state.h"
 
 namespace cocalib {
@@ -56,6 +57,8 @@ class InertialWindow {
   const LidarGroup* lidar() const { return lidar_ ? &*lidar_ : nullptr; }
   const InertialChain& chain() const { return chain_; }
   const PlaneMap& planeMap() const { return plane_map_; }
+  /// Planes that points in the window lie on.
+  std::size_t planesInUse() const;
   bool boardKnown() const { return board_known_; }
   /// The camera's lever arm is known up to its length only: no board, and the IMU has not been shifted.
   bool cameraScaleUnseen() const { return camera_ && !board_known_ && excitation_.unseen(state_.nodes).scale; }
@@ -65,12 +68,21 @@ class InertialWindow {
   /// Appends nodes up to `stamp`, spaced evenly, propagated from the last one.
   void extendTo(TimeNs stamp);
   void addFrame(const VisualKeyframe& keyframe) { camera_->addFrame(keyframe); }
-  void addScan(std::shared_ptr<const LidarScan> scan) { lidar_->addScan(std::move(scan)); }
+  void addScan(std::shared_ptr<const LidarScan> scan) {
+    lidar_->addScan(std::move(scan));
+    ++scans_since_planes_;
+  }
 
   /// Makes the inertial segments of new nodes, so that poses can be asked for; relink() does it too.
   void updateChain() { chain_.update(state_.nodes, imu_); }
+  /// Whether so many scans have come since the planes were found that new ones may stand around.
+  bool planesAreStale() const;
   /// Associates: inertial segments, frames and landmarks, planes and lidar points.
-  /// @param rebuild_planes  find the planes anew from all scans (only before anything was marginalized)
+  ///
+  /// Planes are landmarks. Before anything was marginalized all of them are found anew; after it, those seen before
+  /// keep their number and estimate, those that nothing in the window lies on any more are eliminated (what they said
+  /// about the rest stays in the prior), and new ones join. So the rig may leave the room, and memory stays bounded.
+  /// @param rebuild_planes  find the planes of all scans in the window and associate all points anew, not only new ones
   /// @param slack_m         uncertainty of the current poses, for the gates
   /// @param all_points      every lidar point: for a last round, at twice the cost
   void relink(bool rebuild_planes, double slack_m, bool all_points = false);
@@ -103,17 +115,12 @@ class InertialWindow {
   }
 
  private:
-  struct Prior {  // 1/2 d^T H d + b^T d with d = state minus base
-    std::vector<int> nodes;
-    WindowState base;
-    Eigen::MatrixXd H;
-    Eigen::VectorXd b;
-  };
   void build(const WindowState& state, int end_node, ChainSystem* system);
   void addGlobalPriors(const WindowState& state, ChainSystem* system) const;
   void addFirstPrior(const WindowState& state, ChainSystem* system) const;
-  void addMarginalPrior(const WindowState& state, ChainSystem* system) const;
   void startBoard();
+  void rebuildPlanes();
+  std::vector<std::optional<Plane>> retirePlanes();
 
   Params params_;
   ImuBuffer imu_;
@@ -122,11 +129,12 @@ class InertialWindow {
   std::optional<CameraGroup> camera_;
   std::optional<LidarGroup> lidar_;
   PlaneMap plane_map_;
-  std::optional<Prior> prior_;
+  std::optional<MarginalPrior> prior_;
   std::optional<ChainSystem> solved_;  // of the last optimize(), while nothing has changed since
   LeverExcitation excitation_;
   bool board_known_ = false;
   int linked_scans_ = 0;
+  int scans_since_planes_ = 0;
 };
 
 }  // namespace cocalib

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "cocalib/estimation/inertial_chain.h"
+#include "cocalib/factors/point_factors.h"
 #include "cocalib/factors/timed_sensor_pose.h"
 #include "cocalib/lidar/board_segmenter.h"
 #include "cocalib/lidar/plane_map.h"
@@ -51,9 +52,13 @@ class LidarGroup {
   void learnRangeNoise();
   double rangeSigma() const { return range_sigma_m_; }
 
-  /// Forgets all scans that touch nodes before `end_node`, and renumbers the nodes.
-  void dropFront(int end_node);
+  /// Forgets everything that accumulate(.., end_node, ..) used, and renumbers the nodes. A sweep that was under way
+  /// at that time goes on from there.
+  /// @param from  stamp of that node on the lidar's clock
+  void dropFront(int end_node, TimeNs from);
 
+  /// Which of the first `count` planes any point was linked to.
+  std::vector<bool> planesInUse(std::size_t count) const;
   /// RMS distance of the linked points to their planes [m], and how many there are.
   double planeRms() const;
   std::size_t linkedPoints() const;
@@ -66,8 +71,8 @@ class LidarGroup {
   struct Bin {
     TimeNs stamp = 0;  // lidar clock, middle
     int node = -1;
-    std::vector<std::pair<int, Eigen::Matrix4d>> planes;  // in order of plane number
-    Eigen::Matrix4d board = Eigen::Matrix4d::Zero();
+    std::vector<std::pair<int, PlanePoints>> planes;  // in order of plane number
+    PlanePoints board;
     int board_points = 0;
   };
   struct Edge {
@@ -79,6 +84,7 @@ class LidarGroup {
   };
   struct Scan {
     std::shared_ptr<const LidarScan> raw;
+    TimeNs from = 0;  // bins before it have been dropped; lidar clock
     std::vector<Bin> bins;
     std::vector<Edge> edges;
     std::vector<std::int16_t> plane;
@@ -91,7 +97,7 @@ class LidarGroup {
   };
 
   template <typename Visit>
-  void forEachBin(const WindowState& state, const InertialChain& chain, const LidarScan& scan, Visit&& visit) const;
+  void forEachBin(const WindowState& state, const InertialChain& chain, const Scan& scan, Visit&& visit) const;
   std::optional<BoardSegment> findBoard(const WindowState& state, const InertialChain& chain, const Scan& scan,
                                         double slack_m) const;
   void linkScan(const WindowState& state, const InertialChain& chain, const PlaneMap& map, double slack_m,

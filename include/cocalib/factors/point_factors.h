@@ -22,18 +22,29 @@ std::optional<ReprojectionResidual> reprojection(const Pose& T_W_C, const Eigen:
 /// d p_W / d T_W_B of a point that is fixed in B, p_W = T_W_B p_B.
 Eigen::Matrix<double, 3, 6> pointJacobian(const Pose& T_W_B, const Eigen::Vector3d& p_B);
 
+/// What a plane needs to know of many points: their moment, and what noise along the rays has added to it.
+struct PlanePoints {
+  Eigen::Matrix4d moment = Eigen::Matrix4d::Zero();  ///< S = sum w [p_L; 1][p_L; 1]^T
+  Eigen::Matrix3d noise = Eigen::Matrix3d::Zero();   ///< N = sum w sigma^2 u u^T, with u the rays
+};
+
 /// Many lidar points on one plane, seen from one pose of the lidar (points of a few milliseconds, deskewed within):
 /// with the moment S = sum w [p_L; 1][p_L; 1]^T and the plane in the lidar frame pi_L = [R^T n; n.t - d] the sum of
 /// squared weighted distances is exactly pi_L^T S pi_L, so a thousand points cost what four do and none is lost.
+///
+/// A range too long by e puts its point e u away: not only off the plane but, in step with that, along it too, and the
+/// gradient of the squared distances has a mean of N pi even at the truth. It turns planes and poses by many sigmas
+/// when millions of points are summed, so cost and gradient are those of S - N, the true points' in expectation. The
+/// Hessian stays that of S: where few points lie in a narrow strip S - N has negative directions.
 struct PlaneMomentResidual {
-  double cost = 0.0;  ///< pi^T S pi / 2
+  double cost = 0.0;  ///< pi^T (S - N) pi / 2
   Matrix6d H_pose;    ///< Gauss-Newton, over T_W_L's tangent
   Vector6d b_pose;
   Eigen::Matrix<double, 4, 6> J_pose;   ///< d pi_L / d T_W_L
-  Eigen::Vector4d S_pi;                 ///< S pi_L
+  Eigen::Vector4d S_pi;                 ///< (S - N) pi_L
   Eigen::Matrix<double, 4, 4> J_plane;  ///< d pi_L / d (n, d) before any manifold is applied
 };
-PlaneMomentResidual planeMoment(const Pose& T_W_L, const Plane& plane_W, const Eigen::Matrix4d& moment);
+PlaneMomentResidual planeMoment(const Pose& T_W_L, const Plane& plane_W, const PlanePoints& points);
 
 /// d (n, d) / d tangent of a plane landmark: 4x3.
 Eigen::Matrix<double, 4, 3> planeTangent(const Plane& plane_W);

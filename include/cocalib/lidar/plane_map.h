@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "cocalib/geometry/plane.h"
@@ -14,7 +15,8 @@ namespace cocalib {
 /// neighbours by region growing, and coplanar regions across gaps too, so that one wall is one plane. The planes are
 /// then fitted in columns of voxels that cross the whole noise of the plane: a wall on the face between two layers of
 /// voxels is not cut in halves. Columns that hold anything else (an edge, a second plane, clutter) neither take part in
-/// the fit nor answer planeAt(). Planes are numbered by size, most supported first; normals point away from the origin.
+/// the fit nor answer planeAt(). New planes are numbered by size, most supported first; normals point away from the
+/// origin.
 /// Memory grows with the voxels touched, not with the points. Not thread-safe. Deterministic (results depend on the
 /// points and their order only).
 class PlaneMap {
@@ -40,12 +42,18 @@ class PlaneMap {
 
   /// Points that are not finite are ignored.
   void addPoint(const Eigen::Vector3d& p_W);
-  /// Finds the planes of all points added so far; existing planes are found anew.
-  void extract();
+  /// Finds the planes of all points added so far.
+  /// @param landmarks  planes known from before, by number; an empty one is a number that is free. A plane that
+  /// continues
+  ///                   a landmark gets its number, new ones get free numbers, largest first, as long as no number
+  ///                   reaches max_planes.
+  void extract(const std::vector<std::optional<Plane>>& landmarks = {});
   /// Forgets points and planes.
   void clear();
 
   int planeCount() const { return static_cast<int>(planes_.size()); }
+  /// Planes by number: landmarks as they were given, others as fitted. A free number that no plane got has a default
+  /// one.
   const std::vector<Plane>& planes() const { return planes_; }
   /// Number of the plane that the point `p_W`, seen along the unit vector `ray_W`, belongs to, or -1: none near, or not
   /// certain which. Whether a point is taken does not depend on the noise of its range (up to gate_sigmas), so what is

@@ -12,7 +12,7 @@ namespace cocalib {
 /// A plane fitted to pure columns.
 struct RefinedPlane {
   Plane plane;
-  double support = 0.0;             ///< points in pure columns
+  PointMoments support;             ///< of the points in pure columns; none: the plane only guards its surroundings
   std::vector<Voxel> surroundings;  ///< voxels near the plane's surface
   std::vector<Voxel> pure;          ///< voxels in which its points can be told from all else
 };

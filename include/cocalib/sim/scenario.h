@@ -18,9 +18,11 @@ enum class Place {
   kRoom,      ///< one room, 10 x 8 x 4 m
   kCorridor,  ///< without end: two walls, floor and ceiling; the way along it cannot be seen
   kWall,      ///< a single facade
+  kBuilding,  ///< rooms around a court of 24 x 18 m, with doors; the rig is driven through them, once around in 55 s
 };
 
-/// How the rig is moved; all but kStatic are sums of sinusoids of 0.06 to 1.2 Hz.
+/// How the rig is moved; all but kStatic are sums of sinusoids of 0.06 to 1.2 Hz. In a building they are added to the
+/// drive.
 enum class Motion {
   kFull,             ///< all six axes, lively
   kMild,             ///< all six axes, slow and small
@@ -60,6 +62,7 @@ struct Scenario {
   } imu;
 
   struct Camera {
+    bool present = true;
     double rate_hz = 50.0;
     std::string model = "pinhole-radtan";                    ///< or "pinhole-equi"
     Eigen::Vector4d intrinsics{460.0, 460.0, 375.5, 239.5};  ///< fu, fv, cu, cv [px]

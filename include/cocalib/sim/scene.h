@@ -51,7 +51,7 @@ class Scene {
   Pose T_W_B_;
 };
 
-/// Middle of the motion: where the rig stands at rest [m].
+/// Where the rig stands at rest: the middle of the motion in the room, the begin of the drive in the building [m].
 inline Eigen::Vector3d restPosition() { return {4.2, 4.0, 1.7}; }
 
 }  // namespace cocalib::sim

@@ -10,8 +10,8 @@
 namespace cocalib::sim {
 
 /// The true motion of the IMU: position and roll, pitch, yaw are sums of sinusoids that swell from standstill, all with
-/// analytic derivatives. Times are seconds since the scenario's epoch on the IMU clock; before 0 the rig stands still.
-/// Immutable; safe from any thread.
+/// analytic derivatives; in a building the drive through it is added. Times are seconds since the scenario's epoch on
+/// the IMU clock; before 0 the rig stands still. Immutable; safe from any thread.
 class Trajectory {
  public:
   explicit Trajectory(const Scenario& scenario);
@@ -42,9 +42,12 @@ class Trajectory {
   /// Value and `derivatives` first derivatives of one axis (0-2 position, 3-5 roll pitch yaw).
   Eigen::Vector3d axis(int index, double t, const Eigen::Vector3d& ramp, int derivatives) const;
   Eigen::Vector3d ramp(double t) const;
+  /// Adds the way through the building to x, y and yaw; nothing in a room.
+  void addDrive(double t, const Eigen::Vector3d& ramp, Eigen::Vector3d axes[6]) const;
 
   TimeNs epoch_;
   double ramp_s_;
+  bool driven_;
   std::array<std::vector<Sinusoid>, 6> axes_;
 };
 
