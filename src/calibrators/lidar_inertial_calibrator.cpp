@@ -330,8 +330,7 @@ std::vector<Eigen::Vector3f> LidarInertialCalibrator::map() const {
   TimeNs next = 0;
   for (int i = 0; i < m.window.lidar()->scans(); ++i) {
     const LidarScan& scan = m.window.lidar()->scan(i);
-    const bool whole = scan.stamp + offset >= m.window.state().nodes.front().stamp;
-    if (scan.stamp < next || !whole) continue;
+    if (scan.stamp < next || scan.stamp + offset < m.window.state().nodes.front().stamp) continue;
     next = scan.stamp + toNs(kMapSpacing_s);
     const auto deskewed = deskewToWorld(scan, m.window.state(), m.window.chain());
     points.insert(points.end(), deskewed.begin(), deskewed.end());
