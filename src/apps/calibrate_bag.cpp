@@ -25,6 +25,7 @@ struct Arguments {
   std::string rig, bag, output;
   double start_s = 0.0;
   std::optional<double> duration_s;
+  bool timing = false;
 };
 
 /// One line that is rewritten on a terminal; in a file or a pipe, one line every tenth of the way.
@@ -69,7 +70,8 @@ options::options_description describeOptions() {
       "bag", options::value<std::string>()->required(), "the recording")(
       "output", options::value<std::string>()->default_value("output"), "directory for the result")(
       "start", options::value<double>()->default_value(0.0), "seconds of the bag to skip")(
-      "duration", options::value<double>(), "seconds of the bag to use");
+      "duration", options::value<double>(), "seconds of the bag to use")("timing",
+                                                                         "say at the end how long each stage took");
   return all;
 }
 
@@ -92,6 +94,7 @@ Arguments parseArguments(int argc, char** argv) {
   arguments.bag = values["bag"].as<std::string>();
   arguments.output = values["output"].as<std::string>();
   arguments.start_s = values["start"].as<double>();
+  arguments.timing = values.count("timing") != 0;
   if (values.count("duration") != 0) arguments.duration_s = values["duration"].as<double>();
   if (!(arguments.start_s >= 0.0)) throw options::error("--start must be 0 or more seconds");
   if (arguments.duration_s && !(*arguments.duration_s > 0.0)) throw options::error("--duration must be more than 0 s");
@@ -110,9 +113,10 @@ void calibrate(const Arguments& arguments) {
     bar.interrupt();
     std::fprintf(stderr, "%s\n", line.c_str());
   };
+  cocalib::BagCalibration calibration(rig, &input, listener);
   cocalib::RunResult result;
   try {
-    result = cocalib::BagCalibration(rig, &input, listener).run();
+    result = calibration.run();
   } catch (const std::exception&) {
     bar.interrupt();
     throw;
@@ -121,6 +125,10 @@ void calibrate(const Arguments& arguments) {
   cocalib::writeResultFiles(arguments.output, rig, result);
   std::cout << cocalib::describeResult(rig, result.estimate) << "written: " << arguments.output
             << "/calibration.yaml\n";
+  if (!arguments.timing) return;
+  for (const auto& [stage, seconds] : calibration.stageSeconds()) {
+    std::printf("timing: %-10s %7.2f s\n", stage.c_str(), seconds);
+  }
 }
 
 }  // namespace

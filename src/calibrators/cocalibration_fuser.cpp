@@ -45,6 +45,7 @@ InertialWindow::Params windowParams(const FuserParams& params, const ImuNoise& n
 struct CoCalibrationFuser::Impl {
   Impl(const FuserParams& p, const ImuNoise& noise, const FuserInputs& in)
       : params(p),
+        imu_noise(noise),
         inputs(in),
         window(windowParams(p, noise, in)),
         record(windowParams(p, noise, in), p.window_s),
@@ -64,6 +65,7 @@ struct CoCalibrationFuser::Impl {
   void publish(InertialWindow* from);
 
   FuserParams params;
+  ImuNoise imu_noise;
   FuserInputs inputs;
   InertialWindow window;  // the newest seconds, with a prior for what came before: solved once a second
   WindowRecord record;    // everything, for the last word
@@ -306,6 +308,11 @@ std::optional<Pose> CoCalibrationFuser::boardPose() const {
 std::optional<NavState> CoCalibrationFuser::latestState() const {
   if (!impl_->started) return std::nullopt;
   return impl_->window.state().nodes.back();
+}
+
+ResidualSamples CoCalibrationFuser::residuals() const {
+  if (!impl_->started) return {};
+  return collectResiduals(impl_->window, impl_->imu_noise, impl_->params.range_noise_m);
 }
 
 CalibratorDiagnostics CoCalibrationFuser::diagnostics() const {

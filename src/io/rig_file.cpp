@@ -201,7 +201,9 @@ RigConfig readRig(const YAML::Node& root, const std::string& path) {
 
 RigConfig parseRig(const std::string& yaml, const std::string& path) {
   try {
-    return readRig(YAML::Load(yaml), path);
+    RigConfig rig = readRig(YAML::Load(yaml), path);
+    rig.text = yaml;
+    return rig;
   } catch (const YAML::Exception& error) {
     throw YamlError(path + " line " + std::to_string(error.mark.line + 1) + ": no valid YAML: " + error.msg);
   }

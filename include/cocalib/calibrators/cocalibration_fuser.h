@@ -7,6 +7,7 @@
 
 #include "cocalib/calibrators/diagnostics.h"
 #include "cocalib/estimation/estimate.h"
+#include "cocalib/estimation/residual_samples.h"
 #include "cocalib/measurements/measurements.h"
 #include "cocalib/sensors/camera_model.h"
 #include "cocalib/sensors/imu_noise.h"
@@ -61,6 +62,8 @@ class CoCalibrationFuser {
   std::optional<Pose> boardPose() const;
   /// IMU state at the newest keyframe.
   std::optional<NavState> latestState() const;
+  /// What the present estimate leaves unexplained of the data in the window.
+  ResidualSamples residuals() const;
 
   CalibratorDiagnostics diagnostics() const;
   void reset();

@@ -36,6 +36,7 @@ struct RigConfig {
   };
 
   std::string file;  ///< where it was read from, for messages
+  std::string text;  ///< what the file says, for the report
   Imu imu;
   std::optional<Camera> camera;
   std::optional<Lidar> lidar;
