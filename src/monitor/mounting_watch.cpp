@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <utility>
 
 namespace cocalib {
 namespace {
@@ -67,6 +68,8 @@ std::vector<MountingChange> MountingWatch::examine() {
   compare(now, true, &changes);
   compare(now, false, &changes);
   beginPiece();
+  const bool confirmed = std::exchange(suspicious_, !changes.empty());
+  if (!confirmed) changes.clear();
   return changes;
 }
 

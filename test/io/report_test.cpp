@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <boost/property_tree/xml_parser.hpp>
-#include <random>
 #include <regex>
 #include <sstream>
 
@@ -35,11 +34,10 @@ CalibrationEstimate someEstimate() {
 ReportContents someContents() {
   ReportContents contents;
   contents.findings.push_back({"imu rate", "/imu/data: 31 samples & less", "raise the rate", Finding::Weight::kError});
-  std::mt19937 random(3);
-  std::normal_distribution<float> normal;
   for (int i = 0; i < 5000; ++i) {
-    contents.residuals.corners_px.push_back(0.2F * normal(random));
-    contents.residuals.planes_m.push_back(0.03F * normal(random));
+    const float sign = i % 2 == 0 ? 1.0F : -1.0F;
+    contents.residuals.corners_px.push_back(0.2F * sign);
+    contents.residuals.planes_m.push_back(0.03F * sign);
   }
   contents.residuals.corner_sigma_px = 0.1;
   contents.residuals.plane_sigma_m = 0.03;

@@ -37,8 +37,9 @@ class MountingWatch {
   void addVisual(VisualKeyframe keyframe) { fuser_.addVisual(std::move(keyframe)); }
   void addLidar(LidarKeyframe keyframe) { fuser_.addLidar(std::move(keyframe)); }
 
-  /// Looks at the newest piece once it is complete (that takes about a second), and begins the next one. Changes that
-  /// last are found again in every piece.
+  /// Looks at the newest piece once it is complete (that takes about a second), and begins the next one. A change is
+  /// reported from the second piece in a row on that shows one: the piece in which a sensor moves fits neither place, and
+  /// may blame the other sensor.
   std::vector<MountingChange> examine();
   int pieces() const { return pieces_; }
 
@@ -51,6 +52,7 @@ class MountingWatch {
   CoCalibrationFuser fuser_;
   std::deque<ImuSample> recent_;  // keyframes come late: the next piece needs samples that are here already
   int pieces_ = 0;
+  bool suspicious_ = false;  // the last piece showed a change
 };
 
 }  // namespace cocalib
