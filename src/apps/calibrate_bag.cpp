@@ -22,7 +22,7 @@ namespace options = boost::program_options;
 constexpr int kInputError = 1, kUsageError = 2;
 
 struct Arguments {
-  std::string rig, bag, output;
+  std::string rig, bag, output, initial_guess;
   double start_s = 0.0;
   std::optional<double> duration_s;
   bool timing = false;
@@ -68,6 +68,8 @@ options::options_description describeOptions() {
   options::options_description all("usage: calibrate_bag --rig RIG.yaml --bag FILE.bag [options]");
   all.add_options()("help,h", "this text")("rig", options::value<std::string>()->required(), "what the robot carries")(
       "bag", options::value<std::string>()->required(), "the recording")(
+      "initial-guess", options::value<std::string>()->default_value(""),
+      "calibration.yaml of an earlier run to go on from, with its covariance")(
       "output", options::value<std::string>()->default_value("output"), "directory for the result")(
       "start", options::value<double>()->default_value(0.0), "seconds of the bag to skip")(
       "duration", options::value<double>(), "seconds of the bag to use")("timing",
@@ -92,6 +94,7 @@ Arguments parseArguments(int argc, char** argv) {
   Arguments arguments;
   arguments.rig = values["rig"].as<std::string>();
   arguments.bag = values["bag"].as<std::string>();
+  arguments.initial_guess = values["initial-guess"].as<std::string>();
   arguments.output = values["output"].as<std::string>();
   arguments.start_s = values["start"].as<double>();
   arguments.timing = values.count("timing") != 0;
@@ -103,7 +106,8 @@ Arguments parseArguments(int argc, char** argv) {
 }
 
 void calibrate(const Arguments& arguments) {
-  const cocalib::RigConfig rig = cocalib::loadRigFile(arguments.rig);
+  cocalib::RigConfig rig = cocalib::loadRigFile(arguments.rig);
+  if (!arguments.initial_guess.empty()) cocalib::goOnFrom(arguments.initial_guess, &rig);
   cocalib::BagInput input(arguments.bag, rig, arguments.start_s, arguments.duration_s);
   cocalib::prepareOutputDirectory(arguments.output);
   ProgressBar bar;

@@ -74,6 +74,7 @@ struct CoCalibrationFuser::Impl {
   StateHints visual_hints, lidar_hints;
   CalibrationEstimate visual_alone, lidar_alone, estimate;
   ConvergenceJudge judge;
+  const InertialWindow* published = nullptr;  // where the estimate is from
   bool started = false;
   TimeNs first_stamp = 0, solved_until = 0;
   int planes_built_at_scans = 0, keyframes = 0, board_views = 0;
@@ -84,6 +85,10 @@ CoCalibrationFuser::CoCalibrationFuser(const FuserParams& params, const ImuNoise
                                        const FuserInputs& inputs) {
   params.validate();
   impl_ = std::make_unique<Impl>(params, imu_noise, inputs);
+  if (params.prior) {
+    impl_->window.setCalibrationPrior(*params.prior);
+    impl_->record.window().setCalibrationPrior(*params.prior);
+  }
   reset();
 }
 CoCalibrationFuser::~CoCalibrationFuser() = default;
@@ -239,6 +244,7 @@ bool CoCalibrationFuser::solve() {
     return false;
   }
   const bool first = !m.started;
+  m.published = nullptr;  // until it is linked again
   if (!m.takeNewData()) return false;
   if (first) {
     m.solveFirst();
@@ -276,6 +282,7 @@ void CoCalibrationFuser::Impl::publish(InertialWindow* from) {
     ++diagnostics.counts["covariances refused"];
     return;
   }
+  published = from;
   estimate.stamp = state.nodes.back().stamp;
   estimate.duration_s = toSeconds(state.nodes.back().stamp - first_stamp);
   estimate.calibration = state.calibration;
@@ -311,8 +318,8 @@ std::optional<NavState> CoCalibrationFuser::latestState() const {
 }
 
 ResidualSamples CoCalibrationFuser::residuals() const {
-  if (!impl_->started) return {};
-  return collectResiduals(impl_->window, impl_->imu_noise, impl_->params.range_noise_m);
+  if (!impl_->published) return {};
+  return collectResiduals(*impl_->published, impl_->imu_noise, impl_->params.range_noise_m);
 }
 
 CalibratorDiagnostics CoCalibrationFuser::diagnostics() const {
@@ -333,6 +340,7 @@ void CoCalibrationFuser::reset() {
   m.judge.reset();
   m.visual_alone = m.lidar_alone = m.estimate = CalibrationEstimate();
   m.estimate.message = "waiting for the calibrators to find their sensors";
+  m.published = nullptr;
   m.started = false;
   m.planes_built_at_scans = m.keyframes = m.board_views = 0;
   m.diagnostics.stage = "waiting for the calibrators";

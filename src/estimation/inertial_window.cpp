@@ -125,7 +125,9 @@ void InertialWindow::addPriors(const WindowState& state, ChainSystem* system) co
   const WindowPriors& prior = params_.priors;
   const Eigen::VectorXd d = globalMinus(state, origin_);
   addDiagonalPrior(system, Layout::kGravity, d[Layout::kGravity], prior.gravity);
+  if (calibration_prior_) addCalibrationPrior(state, system);
   for (const int block : {Layout::kCamera, Layout::kLidar}) {
+    if (calibration_prior_) break;
     for (int i = 0; i < 3; ++i) {
       addDiagonalPrior(system, block + i, d[block + i], prior.extrinsic_translation_m);
       addDiagonalPrior(system, block + 3 + i, d[block + 3 + i], prior.extrinsic_rotation_rad);
@@ -150,6 +152,25 @@ void InertialWindow::addPriors(const WindowState& state, ChainSystem* system) co
   system->diagonal(0).diagonal() += w;
   system->gradient(0) += w.cwiseProduct(error);
   system->cost += 0.5 * error.dot(w.cwiseProduct(error));
+}
+
+void InertialWindow::setCalibrationPrior(const CalibrationPrior& prior) {
+  calibration_prior_ = prior;
+  prior_information_ = prior.covariance.llt().solve(Matrix14d::Identity());
+}
+
+void InertialWindow::addCalibrationPrior(const WindowState& state, ChainSystem* system) const {
+  const Calibration &now = state.calibration, &mean = calibration_prior_->mean;
+  Vector14d error;
+  error << now.T_imu_camera.minus(mean.T_imu_camera), now.T_imu_lidar.minus(mean.T_imu_lidar),
+      now.camera_time_offset_s - mean.camera_time_offset_s, now.lidar_time_offset_s - mean.lidar_time_offset_s;
+  const Vector14d gradient = prior_information_ * error;
+  for (int i = 0; i < 14; ++i) {
+    const int row = GlobalLayout::calibrationColumn(i);
+    system->b_global[row] += gradient[i];
+    for (int j = 0; j < 14; ++j) system->H_global(row, GlobalLayout::calibrationColumn(j)) += prior_information_(i, j);
+  }
+  system->cost += 0.5 * error.dot(gradient);
 }
 
 void InertialWindow::addMarginalPrior(const WindowState& state, ChainSystem* system) const {

@@ -12,8 +12,9 @@ constexpr double kKeptS = 20.0;  // of inertial data
 constexpr const char* kAxes[] = {"x", "y", "z"};
 
 FuserParams pieceParams(FuserParams params, double piece_s) {
+  params.prior.reset();  // a piece is to say what it shows by itself
   params.first_solve_s = piece_s;
-  params.window_s = std::max(10.0, 2.0 * piece_s);
+  params.window_s = params.live_window_s = std::max(10.0, 2.0 * piece_s);
   return params;
 }
 

@@ -136,8 +136,10 @@ std::optional<double> ProgressForecast::secondsLeft() const {
 std::string progressWords(const CalibrationEstimate& estimate, const std::string& stage,
                           const ObservabilityThresholds& thresholds, const std::optional<double>& seconds_left,
                           const std::optional<MotionHint>& hint) {
-  std::string text = format("%.0f s, %s", estimate.duration_s, stage.c_str());
-  if (!estimate.camera.valid && !estimate.lidar.valid && !estimate.message.empty()) text += ": " + estimate.message;
+  const bool waiting = !estimate.camera.valid && !estimate.lidar.valid && !estimate.message.empty();
+  const bool repeats = estimate.message.compare(0, stage.size(), stage) == 0;
+  std::string text = format("%.0f s, ", estimate.duration_s) + (waiting && repeats ? "" : stage);
+  if (waiting) text += (repeats ? "" : ": ") + estimate.message;
   text += sensorWords("camera", estimate.camera, thresholds) + sensorWords("lidar", estimate.lidar, thresholds);
   if (hint) text += " | " + hint->words;
   if (seconds_left && *seconds_left > 0.0)

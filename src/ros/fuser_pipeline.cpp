@@ -5,15 +5,16 @@
 namespace cocalib {
 namespace {
 
-FuserParams withRangeNoise(FuserParams params, const RigConfig& rig) {
+FuserParams adapted(FuserParams params, const RigConfig& rig) {
   if (rig.lidar) params.range_noise_m = rig.lidar->range_noise_m;
+  if (rig.earlier) params.prior = priorFrom(*rig.earlier);
   return params;
 }
 
 }  // namespace
 
 FuserPipeline::FuserPipeline(const RigConfig& rig, const std::optional<CameraModel>& camera, FuserParams params)
-    : params_(withRangeNoise(params, rig)),
+    : params_(adapted(params, rig)),
       imu_noise_(rig.imu.noise),
       inputs_({camera, rig.lidar.has_value(), rig.target}),
       fuser_(params_, imu_noise_, inputs_) {}

@@ -94,7 +94,9 @@ TEST(ProgressWords, SayStateAndNeed) {
   CalibrationEstimate nothing;
   nothing.message = "waiting for inertial data";
   EXPECT_EQ(progressWords(nothing, "waiting", kThresholds, std::nullopt, std::nullopt),
-            "0 s, waiting: waiting for inertial data");
+            "0 s, waiting for inertial data");
+  EXPECT_EQ(progressWords(nothing, "starting", kThresholds, std::nullopt, std::nullopt),
+            "0 s, starting: waiting for inertial data");
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "cocalib/calibrators/diagnostics.h"
+#include "cocalib/estimation/calibration_prior.h"
 #include "cocalib/estimation/estimate.h"
 #include "cocalib/estimation/residual_samples.h"
 #include "cocalib/measurements/measurements.h"
@@ -23,6 +24,8 @@ struct FuserParams {
   double range_noise_m = 0.03;   ///< of the lidar, 1 sigma
   double corner_sigma_px = 0.1;  ///< of a chessboard corner, 1 sigma
   double track_sigma_px = 0.7;   ///< of a natural feature, 1 sigma
+
+  std::optional<CalibrationPrior> prior;  ///< what earlier data have shown; nothing: start from nothing
 
   /// @throws std::invalid_argument naming every broken bound
   void validate() const;

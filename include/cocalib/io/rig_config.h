@@ -3,6 +3,7 @@
 #include <optional>
 #include <string>
 
+#include "cocalib/estimation/estimate.h"
 #include "cocalib/geometry/pose.h"
 #include "cocalib/measurements/measurements.h"
 #include "cocalib/sensors/camera_model.h"
@@ -42,6 +43,7 @@ struct RigConfig {
   std::optional<Lidar> lidar;
   std::optional<BoardGeometry> target;
   std::optional<Pose> guess_T_imu_camera, guess_T_imu_lidar;
+  std::optional<CalibrationEstimate> earlier;  ///< result of an earlier run, to go on from
 };
 
 }  // namespace cocalib
