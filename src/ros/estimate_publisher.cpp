@@ -91,12 +91,23 @@ void EstimatePublisher::broadcastPose(const NavState& state) {
   broadcaster_.sendTransform(stamped(state.T_W_I, state.stamp, frames_.world, frames_.imu));
 }
 
+void EstimatePublisher::broadcastStart(const ImuSample& sample) {
+  constexpr TimeNs kPeriodNs = 50'000'000;
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (!tf_enabled_ || yielded_.count(frames_.imu) != 0) return;
+  if (last_pose_ != 0 || sample.stamp - last_start_ < kPeriodNs || sample.accel.norm() < 1.0) return;
+  last_start_ = sample.stamp;
+  const Pose T_W_I = {Eigen::Quaterniond::FromTwoVectors(sample.accel, Eigen::Vector3d::UnitZ()),
+                      Eigen::Vector3d::Zero()};
+  broadcaster_.sendTransform(stamped(T_W_I, sample.stamp, frames_.world, frames_.imu));
+}
+
 void EstimatePublisher::reset() {
   const std::lock_guard<std::mutex> lock(mutex_);
   T_imu_camera_.reset();
   T_imu_lidar_.reset();
   frozen_ = false;
-  last_mounting_ = last_pose_ = 0;
+  last_mounting_ = last_pose_ = last_start_ = 0;
 }
 
 }  // namespace cocalib

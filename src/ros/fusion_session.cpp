@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "cocalib/ros/conversions.h"
+#include "cocalib/ros/imu_reader.h"
 #include "cocalib/ros/keyframe_conversions.h"
 #include "cocalib/ros/nodelet_support.h"
 #include "cocalib/ros/result_files.h"
@@ -53,6 +54,7 @@ void FusionSession::addImu(const sensor_msgs::ImuConstPtr& msg) {
   if (!active_) return;
   display_.addImu(*msg);
   status_.addImu(*msg);
+  if (const std::optional<ImuSample> sample = readImu(*msg, nullptr)) publisher_.broadcastStart(*sample);
   worker_.post(kImu, [this, msg] {
     if (!greeted_) unsaved_ = greeted_ = true;
     if (!pipeline_.addImu(*msg)) return;

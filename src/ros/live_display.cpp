@@ -69,13 +69,10 @@ void LiveDisplay::addState(const NavState& state) {
 }
 
 void LiveDisplay::setEstimate(const CalibrationEstimate& estimate, const std::optional<Pose>& T_W_B) {
-  {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    estimate_ = estimate;
-    T_W_B_ = T_W_B;
-    if (estimate.camera.valid || estimate.lidar.valid) log_.add(estimate);
-  }
-  worker_.post(0, [this] { publishConvergence(); });
+  const std::lock_guard<std::mutex> lock(mutex_);
+  estimate_ = estimate;
+  T_W_B_ = T_W_B;
+  if (estimate.camera.valid || estimate.lidar.valid) log_.add(estimate);
 }
 
 void LiveDisplay::setHint(const std::string& words, const std::optional<MotionHint>& hint) {
@@ -86,6 +83,7 @@ void LiveDisplay::setHint(const std::string& words, const std::optional<MotionHi
   }
   addHint(words, hint, frames_, &markers);
   marker_publisher_.publish(markers);
+  worker_.post(0, [this] { publishConvergence(); });
 }
 
 void LiveDisplay::reset() {

@@ -11,7 +11,7 @@ namespace {
 
 using visualization_msgs::Marker;
 
-constexpr double kAxisLengthM = 0.2;
+constexpr double kAxisLengthM = 0.3;
 constexpr double kLeastEllipsoidM = 0.002;  // smaller cannot be seen
 
 /// Every marker lasts until it is replaced and has no stamp of its own: rviz shows it in its frame as it stands now.
@@ -142,6 +142,7 @@ void addHint(const std::string& words, const std::optional<MotionHint>& hint, co
   text.scale.z = 0.1;
   text.color.r = text.color.g = text.color.b = 1.0F;
   text.text = hint ? words + "\n" + hint->words : words;
+  for (std::size_t at = 0; (at = text.text.find(": ", at)) != std::string::npos; ++at) text.text.replace(at, 2, ":\n");
   if (text.text.empty()) text.action = Marker::DELETE;
   all->markers.push_back(text);
 }

@@ -28,6 +28,9 @@ class EstimatePublisher {
   /// @param stamp  of the newest data
   void broadcastMountings(TimeNs stamp);
   void broadcastPose(const NavState& state);
+  /// Until the first pose is known: the IMU at the origin, upright as its accelerometer says, so that there is a world
+  /// to show things in from the first second on.
+  void broadcastStart(const ImuSample& sample);
   void setTfEnabled(bool enabled);
   /// Leaves a frame to somebody else who publishes it.
   void yield(const std::string& child_frame);
@@ -47,7 +50,7 @@ class EstimatePublisher {
   tf2_ros::StaticTransformBroadcaster static_broadcaster_;
   std::mutex mutex_;  // guards what follows
   std::optional<Pose> T_imu_camera_, T_imu_lidar_;
-  TimeNs last_mounting_ = 0, last_pose_ = 0;
+  TimeNs last_mounting_ = 0, last_pose_ = 0, last_start_ = 0;
   bool frozen_ = false, tf_enabled_ = true;
   std::set<std::string> yielded_;
 };
