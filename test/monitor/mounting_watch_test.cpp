@@ -85,7 +85,7 @@ class WatchedRig {
 };
 
 TEST(MountingWatch, NamesACameraThatHasTurned) {
-  WatchedRig rig(17.0);
+  WatchedRig rig(22.0);
   // 0.5 deg about the IMU's y axis.
   const Pose T = rig.after().camera.T_imu_camera();
   const double angle = 0.5 * M_PI / 180.0;

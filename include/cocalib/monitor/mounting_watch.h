@@ -23,7 +23,7 @@ struct MountingChange {
 class MountingWatch {
  public:
   struct Params {
-    double piece_s = 8.0;               ///< data of one look; shorter ones are several times less certain
+    double piece_s = 6.0;               ///< data of one look; three of them pass at most until a change is reported
     double sigmas = 6.0;                ///< of the change, that make it certain
     double least_translation_m = 0.01;  ///< smaller changes are not reported
     double least_rotation_rad = 0.003;
@@ -38,8 +38,8 @@ class MountingWatch {
   void addLidar(LidarKeyframe keyframe) { fuser_.addLidar(std::move(keyframe)); }
 
   /// Looks at the newest piece once it is complete (that takes about a second), and begins the next one. A change is
-  /// reported from the second piece in a row on that shows one: the piece in which a sensor moves fits neither place, and
-  /// may blame the other sensor.
+  /// reported from the second piece in a row on that shows one: the piece in which a sensor moves fits neither place,
+  /// and may blame the other sensor.
   std::vector<MountingChange> examine();
   int pieces() const { return pieces_; }
 
