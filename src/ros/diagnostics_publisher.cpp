@@ -19,7 +19,7 @@ bool isTrouble(const std::string& counter) {
 
 DiagnosticsPublisher::DiagnosticsPublisher(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
                                            const std::string& name)
-    : updater_(nh, private_nh, name) {
+    : updater_(nh, private_nh, "/" + name) {  // the updater cuts the first letter off, which it takes for a slash
   updater_.setHardwareID("none");
   updater_.add("calibration", this, &DiagnosticsPublisher::report);
   timer_ = ros::NodeHandle(nh).createWallTimer(ros::WallDuration(1.0),
