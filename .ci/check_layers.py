@@ -18,6 +18,7 @@ LEVELS = [
     ("estimation",),
     ("initialization",),
     ("calibrators",),
+    ("monitor",),
     ("io",),
     ("sim", "ros"),
     ("nodelets", "apps"),

@@ -12,7 +12,7 @@ export PATH=/usr/bin:$PATH
 debian_packages=(
   build-essential cmake catkin ccache
   ros-message-generation ros-std-msgs ros-geometry-msgs ros-sensor-msgs ros-visualization-msgs ros-diagnostic-msgs ros-std-srvs
-  libcv-bridge-dev libdiagnostic-updater-dev libimage-transport-dev libnodelet-dev libnodeletlib-dev librosbag-dev libroscpp-dev libstd-srvs-dev
+  libcv-bridge-dev libdiagnostic-updater-dev libdynamic-reconfigure-config-init-mutex-dev libimage-transport-dev libnodelet-dev libnodeletlib-dev librosbag-dev libroscpp-dev libstd-srvs-dev
   libtf2-ros-dev libvisualization-msgs-dev pluginlib-dev python3-dynamic-reconfigure
   libboost-program-options-dev libceres-dev libeigen3-dev libopencv-dev libyaml-cpp-dev
   libnodeletlib-tools rosbash rosout python3-nodelet python3-roslaunch python3-rosbag python3-rosnode python3-rosparam
@@ -27,7 +27,7 @@ noetic_packages=(
   ros-noetic-catkin ros-noetic-cv-bridge ros-noetic-diagnostic-updater ros-noetic-dynamic-reconfigure ros-noetic-geometry-msgs
   ros-noetic-image-transport ros-noetic-message-generation ros-noetic-message-runtime ros-noetic-nodelet ros-noetic-pluginlib
   ros-noetic-rosbag ros-noetic-rosbash ros-noetic-roscpp ros-noetic-roslaunch ros-noetic-rostest ros-noetic-rosunit
-  ros-noetic-sensor-msgs ros-noetic-std-msgs ros-noetic-std-srvs ros-noetic-tf2-ros ros-noetic-visualization-msgs
+  ros-noetic-sensor-msgs ros-noetic-std-msgs ros-noetic-std-srvs ros-noetic-tf2-msgs ros-noetic-tf2-ros ros-noetic-visualization-msgs
   libboost-program-options-dev libceres-dev libeigen3-dev libopencv-dev libyaml-cpp-dev libgtest-dev
   python3-numpy python3-yaml)
 noetic_rviz_packages=(ros-noetic-rviz)

@@ -22,9 +22,10 @@ namespace options = boost::program_options;
 constexpr int kInputError = 1, kUsageError = 2;
 
 struct Arguments {
-  std::string rig, bag, output;
+  std::string rig, bag, output, initial_guess;
   double start_s = 0.0;
   std::optional<double> duration_s;
+  bool timing = false;
 };
 
 /// One line that is rewritten on a terminal; in a file or a pipe, one line every tenth of the way.
@@ -67,9 +68,12 @@ options::options_description describeOptions() {
   options::options_description all("usage: calibrate_bag --rig RIG.yaml --bag FILE.bag [options]");
   all.add_options()("help,h", "this text")("rig", options::value<std::string>()->required(), "what the robot carries")(
       "bag", options::value<std::string>()->required(), "the recording")(
+      "initial-guess", options::value<std::string>()->default_value(""),
+      "calibration.yaml of an earlier run to go on from, with its covariance")(
       "output", options::value<std::string>()->default_value("output"), "directory for the result")(
       "start", options::value<double>()->default_value(0.0), "seconds of the bag to skip")(
-      "duration", options::value<double>(), "seconds of the bag to use");
+      "duration", options::value<double>(), "seconds of the bag to use")("timing",
+                                                                         "say at the end how long each stage took");
   return all;
 }
 
@@ -90,8 +94,10 @@ Arguments parseArguments(int argc, char** argv) {
   Arguments arguments;
   arguments.rig = values["rig"].as<std::string>();
   arguments.bag = values["bag"].as<std::string>();
+  arguments.initial_guess = values["initial-guess"].as<std::string>();
   arguments.output = values["output"].as<std::string>();
   arguments.start_s = values["start"].as<double>();
+  arguments.timing = values.count("timing") != 0;
   if (values.count("duration") != 0) arguments.duration_s = values["duration"].as<double>();
   if (!(arguments.start_s >= 0.0)) throw options::error("--start must be 0 or more seconds");
   if (arguments.duration_s && !(*arguments.duration_s > 0.0)) throw options::error("--duration must be more than 0 s");
@@ -100,7 +106,8 @@ Arguments parseArguments(int argc, char** argv) {
 }
 
 void calibrate(const Arguments& arguments) {
-  const cocalib::RigConfig rig = cocalib::loadRigFile(arguments.rig);
+  cocalib::RigConfig rig = cocalib::loadRigFile(arguments.rig);
+  if (!arguments.initial_guess.empty()) cocalib::goOnFrom(arguments.initial_guess, &rig);
   cocalib::BagInput input(arguments.bag, rig, arguments.start_s, arguments.duration_s);
   cocalib::prepareOutputDirectory(arguments.output);
   ProgressBar bar;
@@ -110,9 +117,10 @@ void calibrate(const Arguments& arguments) {
     bar.interrupt();
     std::fprintf(stderr, "%s\n", line.c_str());
   };
+  cocalib::BagCalibration calibration(rig, &input, listener);
   cocalib::RunResult result;
   try {
-    result = cocalib::BagCalibration(rig, &input, listener).run();
+    result = calibration.run();
   } catch (const std::exception&) {
     bar.interrupt();
     throw;
@@ -121,6 +129,10 @@ void calibrate(const Arguments& arguments) {
   cocalib::writeResultFiles(arguments.output, rig, result);
   std::cout << cocalib::describeResult(rig, result.estimate) << "written: " << arguments.output
             << "/calibration.yaml\n";
+  if (!arguments.timing) return;
+  for (const auto& [stage, seconds] : calibration.stageSeconds()) {
+    std::printf("timing: %-10s %7.2f s\n", stage.c_str(), seconds);
+  }
 }
 
 }  // namespace

@@ -46,6 +46,7 @@ InertialWindow::Params windowParams(const FuserParams& params, const ImuNoise& n
 struct CoCalibrationFuser::Impl {
   Impl(const FuserParams& p, const ImuNoise& noise, const FuserInputs& in)
       : params(p),
+        imu_noise(noise),
         inputs(in),
         window(windowParams(p, noise, in)),
         record(windowParams(p, noise, in), p.window_s),
@@ -66,6 +67,7 @@ struct CoCalibrationFuser::Impl {
   void publish(InertialWindow* from);
 
   FuserParams params;
+  ImuNoise imu_noise;
   FuserInputs inputs;
   InertialWindow window;  // the newest seconds, with a prior for what came before: solved once a second
   WindowRecord record;    // everything, for the last word
@@ -74,6 +76,7 @@ struct CoCalibrationFuser::Impl {
   StateHints visual_hints, lidar_hints;
   CalibrationEstimate visual_alone, lidar_alone, estimate;
   ConvergenceJudge judge;
+  const InertialWindow* published = nullptr;  // where the estimate is from
   bool started = false;
   TimeNs first_stamp = 0, solved_until = 0;
   int keyframes = 0, board_views = 0;
@@ -84,6 +87,10 @@ CoCalibrationFuser::CoCalibrationFuser(const FuserParams& params, const ImuNoise
                                        const FuserInputs& inputs) {
   params.validate();
   impl_ = std::make_unique<Impl>(params, imu_noise, inputs);
+  if (params.prior) {
+    impl_->window.setCalibrationPrior(*params.prior);
+    impl_->record.window().setCalibrationPrior(*params.prior);
+  }
   reset();
 }
 CoCalibrationFuser::~CoCalibrationFuser() = default;
@@ -251,6 +258,7 @@ bool CoCalibrationFuser::solve() {
     return false;
   }
   const bool first = !m.started;
+  m.published = nullptr;  // until it is linked again
   if (!m.takeNewData()) return false;
   if (first) {
     m.solveFirst();
@@ -285,6 +293,7 @@ void CoCalibrationFuser::Impl::publish(InertialWindow* from) {
     ++diagnostics.counts["covariances refused"];
     return;
   }
+  published = from;
   estimate.stamp = state.nodes.back().stamp;
   estimate.duration_s = toSeconds(state.nodes.back().stamp - first_stamp);
   estimate.calibration = state.calibration;
@@ -319,6 +328,11 @@ std::optional<NavState> CoCalibrationFuser::latestState() const {
   return impl_->window.state().nodes.back();
 }
 
+ResidualSamples CoCalibrationFuser::residuals() const {
+  if (!impl_->published) return {};
+  return collectResiduals(*impl_->published, impl_->imu_noise, impl_->params.range_noise_m);
+}
+
 CalibratorDiagnostics CoCalibrationFuser::diagnostics() const {
   CalibratorDiagnostics out = impl_->diagnostics;
   out.counts["imu samples dropped"] = impl_->inbox.dropped();
@@ -337,6 +351,7 @@ void CoCalibrationFuser::reset() {
   m.judge.reset();
   m.visual_alone = m.lidar_alone = m.estimate = CalibrationEstimate();
   m.estimate.message = "waiting for the calibrators to find their sensors";
+  m.published = nullptr;
   m.started = false;
   m.keyframes = m.board_views = 0;
   m.diagnostics.stage = "waiting for the calibrators";

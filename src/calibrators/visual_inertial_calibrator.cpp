@@ -105,7 +105,7 @@ std::vector<VisualKeyframe> VisualInertialCalibrator::addImage(const ImageFrame&
     if (image.stamp < *m.last_image - toNs(1.0)) reset();
     return {};
   }
-  if (m.last_image && toSeconds(image.stamp - *m.last_image) < kRateSlack / m.params.frame_rate_hz) return {};
+  if (isTooSoon(image.stamp)) return {};
   if (image.gray.cols != m.camera.width() || image.gray.rows != m.camera.height()) {
     ++m.diagnostics.counts["images of the wrong size"];
     return {};
@@ -319,6 +319,12 @@ std::vector<VisualKeyframe> VisualInertialCalibrator::Impl::takeKeyframes() {
     unreported.pop_front();
   }
   return keyframes;
+}
+
+bool VisualInertialCalibrator::isTooSoon(TimeNs stamp) const {
+  if (!impl_->last_image) return false;
+  const double since = toSeconds(stamp - *impl_->last_image);
+  return since > 0.0 && since < kRateSlack / impl_->params.frame_rate_hz;
 }
 
 CalibrationEstimate VisualInertialCalibrator::estimate() const { return impl_->estimate; }

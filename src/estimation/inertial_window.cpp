@@ -159,7 +159,9 @@ void InertialWindow::addGlobalPriors(const WindowState& state, ChainSystem* syst
   const WindowPriors& prior = params_.priors;
   const Eigen::VectorXd d = globalMinus(state, origin_);
   addDiagonalPrior(system, Layout::kGravity, d[Layout::kGravity], prior.gravity);
+  if (calibration_prior_) addCalibrationPrior(state, system);
   for (const int block : {Layout::kCamera, Layout::kLidar}) {
+    if (calibration_prior_) break;
     const double translation_m = block == Layout::kCamera ? prior.camera_translation_m : prior.lidar_translation_m;
     for (int i = 0; i < 3; ++i) {
       addDiagonalPrior(system, block + i, d[block + i], translation_m);
@@ -189,6 +191,25 @@ void InertialWindow::addFirstPrior(const WindowState& state, ChainSystem* system
   system->diagonal(0).diagonal() += w;
   system->gradient(0) += w.cwiseProduct(error);
   system->cost += 0.5 * error.dot(w.cwiseProduct(error));
+}
+
+void InertialWindow::setCalibrationPrior(const CalibrationPrior& prior) {
+  calibration_prior_ = prior;
+  prior_information_ = prior.covariance.llt().solve(Matrix14d::Identity());
+}
+
+void InertialWindow::addCalibrationPrior(const WindowState& state, ChainSystem* system) const {
+  const Calibration &now = state.calibration, &mean = calibration_prior_->mean;
+  Vector14d error;
+  error << now.T_imu_camera.minus(mean.T_imu_camera), now.T_imu_lidar.minus(mean.T_imu_lidar),
+      now.camera_time_offset_s - mean.camera_time_offset_s, now.lidar_time_offset_s - mean.lidar_time_offset_s;
+  const Vector14d gradient = prior_information_ * error;
+  for (int i = 0; i < 14; ++i) {
+    const int row = GlobalLayout::calibrationColumn(i);
+    system->b_global[row] += gradient[i];
+    for (int j = 0; j < 14; ++j) system->H_global(row, GlobalLayout::calibrationColumn(j)) += prior_information_(i, j);
+  }
+  system->cost += 0.5 * error.dot(gradient);
 }
 
 void InertialWindow::build(const WindowState& state, int end_node, ChainSystem* system) {

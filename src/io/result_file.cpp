@@ -4,10 +4,9 @@
 #include <cstdint>
 #include <fstream>
 #include <limits>
-#include <locale>
-#include <sstream>
 #include <stdexcept>
 
+#include "text_format.h"
 #include "yaml_section.h"
 
 namespace cocalib {
@@ -15,40 +14,12 @@ namespace {
 
 constexpr double kAny = 1e300;  // bound of what may be any number
 
-/// Shortest decimal number of 15 to 17 digits that reads back as the same double, whatever the locale.
-std::string formatNumber(double value) {
-  if (std::isnan(value)) return ".nan";
-  if (std::isinf(value)) return value > 0.0 ? ".inf" : "-.inf";
-  std::string text;
-  for (int digits = 15; digits <= 17; ++digits) {
-    std::ostringstream out;
-    out.imbue(std::locale::classic());
-    out.precision(digits);
-    out << value;
-    text = out.str();
-    std::istringstream in(text);
-    in.imbue(std::locale::classic());
-    double back = 0.0;
-    in >> back;
-    if (back == value) break;
-  }
-  if (text.find_first_of(".e") == std::string::npos) text += ".0";
-  return text;
-}
-
 std::string formatStamp(TimeNs stamp) {
   const bool negative = stamp < 0;
   const auto magnitude = negative ? 0 - static_cast<std::uint64_t>(stamp) : static_cast<std::uint64_t>(stamp);
   std::string fraction = std::to_string(magnitude % 1'000'000'000U);
   fraction.insert(0, 9 - fraction.size(), '0');
   return (negative ? "-" : "") + std::to_string(magnitude / 1'000'000'000U) + "." + fraction;
-}
-
-template <typename Derived>
-std::string formatList(const Eigen::MatrixBase<Derived>& values) {
-  std::string text = "[";
-  for (Eigen::Index i = 0; i < values.size(); ++i) text += (i > 0 ? ", " : "") + formatNumber(values[i]);
-  return text + "]";
 }
 
 /// In double quotes, on one line.

@@ -7,6 +7,7 @@
 #include <iterator>
 #include <stdexcept>
 
+#include "cocalib/io/result_file.h"
 #include "yaml_section.h"
 
 namespace cocalib {
@@ -201,10 +202,28 @@ RigConfig readRig(const YAML::Node& root, const std::string& path) {
 
 RigConfig parseRig(const std::string& yaml, const std::string& path) {
   try {
-    return readRig(YAML::Load(yaml), path);
+    RigConfig rig = readRig(YAML::Load(yaml), path);
+    rig.text = yaml;
+    return rig;
   } catch (const YAML::Exception& error) {
     throw YamlError(path + " line " + std::to_string(error.mark.line + 1) + ": no valid YAML: " + error.msg);
   }
+}
+
+void goOnFrom(const std::string& result_path, RigConfig* rig) {
+  const CalibrationEstimate earlier = loadResult(result_path);
+  const auto refuse = [&result_path](const std::string& why) {
+    throw YamlError(result_path + ": " + why + "; give the calibration.yaml of a run that found something");
+  };
+  const bool camera = rig->camera && earlier.camera.valid, lidar = rig->lidar && earlier.lidar.valid;
+  if (earlier.status == Status::kInsufficientData || (!camera && !lidar))
+    refuse("holds nothing about this rig's sensors");
+  if (!earlier.covariance.allFinite() || Matrix14d(earlier.covariance).diagonal().minCoeff() < 0.0) {
+    refuse("its joint_covariance is none");
+  }
+  if (camera) rig->guess_T_imu_camera = earlier.calibration.T_imu_camera;
+  if (lidar) rig->guess_T_imu_lidar = earlier.calibration.T_imu_lidar;
+  rig->earlier = earlier;
 }
 
 RigConfig loadRigFile(const std::string& path) {

@@ -1,6 +1,9 @@
+#include <cocalib/CalibrationConfig.h>
+#include <dynamic_reconfigure/server.h>
 #include <nodelet/nodelet.h>
 #include <std_msgs/String.h>
 
+#include <cstdint>
 #include <exception>
 #include <memory>
 #include <pluginlib/class_list_macros.hpp>
@@ -49,31 +52,40 @@ class CoCalibrationFuserNodelet : public nodelet::Nodelet {
     }
     if (rig_.lidar) subscribers_.push_back(nh.subscribe(rig_.lidar->topic, 50, &FusionSession::addCloud, session));
     advertiseServices();
+    settings_ = std::make_unique<dynamic_reconfigure::Server<CalibrationConfig>>(getPrivateNodeHandle());
+    settings_->setCallback([session](const CalibrationConfig& config, std::uint32_t) {
+      session->configure({config.publish_tf, config.freeze_when_converged, config.status_period});
+    });
   } catch (const std::exception& error) {
     endOnError(getName(), error.what());
   }
 
   void advertiseServices() {
     ros::NodeHandle& nh = getNodeHandle();
-    const auto tell = [this](const char* word) {
-      std_msgs::String msg;
-      msg.data = word;
-      control_.publish(msg);
-    };
-    const auto begin = [this, tell](std::string* words) {
+    const auto begin = [this](std::string* words) {
       tell("start");
       session_->restart();
       *words = "started anew";
       return true;
     };
     services_ = {advertiseTrigger(nh, "save", [this](std::string* words) { return session_->save(words); }),
-                 advertiseTrigger(nh, "start", begin), advertiseTrigger(nh, "reset", begin),
-                 advertiseTrigger(nh, "stop", [this, tell](std::string* words) {
+                 advertiseTrigger(nh, "start", begin),
+                 advertiseTrigger(nh, "reset", begin),
+                 advertiseTrigger(nh, "freeze", [this](std::string* words) { return session_->freeze(words); }),
+                 advertiseTrigger(nh, "resume", begin),
+                 advertiseTrigger(nh, "stop", [this](std::string* words) {
                    tell("stop");
                    session_->finish();
                    *words = "stopped; the estimate is final, save writes it";
                    return true;
                  })};
+  }
+
+  /// To the two calibrators.
+  void tell(const char* word) {
+    std_msgs::String msg;
+    msg.data = word;
+    control_.publish(msg);
   }
 
   RigConfig rig_;
@@ -82,6 +94,7 @@ class CoCalibrationFuserNodelet : public nodelet::Nodelet {
   std::unique_ptr<CameraModelSource> camera_source_;
   std::vector<ros::Subscriber> subscribers_;
   std::vector<ros::ServiceServer> services_;
+  std::unique_ptr<dynamic_reconfigure::Server<CalibrationConfig>> settings_;  // last: its callback uses session_
 };
 
 }  // namespace cocalib

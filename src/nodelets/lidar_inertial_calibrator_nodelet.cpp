@@ -8,6 +8,7 @@
 #include "cocalib/ros/cloud_messages.h"
 #include "cocalib/ros/lidar_pipeline.h"
 #include "cocalib/ros/nodelet_support.h"
+#include "cocalib/ros/plane_patches.h"
 #include "cocalib/ros/sensor_session.h"
 
 namespace cocalib {
@@ -32,6 +33,8 @@ class LidarInertialNodelet : public nodelet::Nodelet {
     const RigConfig rig = loadRigOfNode(private_nh);
     if (rig.lidar) {
       cloud_publisher_ = private_nh.advertise<sensor_msgs::PointCloud2>("points_deskewed", 5);
+      raw_publisher_ = private_nh.advertise<sensor_msgs::PointCloud2>("points_raw", 5);
+      patch_publisher_ = nh.advertise<visualization_msgs::MarkerArray>("markers", 5);
       map_publisher_ = private_nh.advertise<sensor_msgs::PointCloud2>("map", 1);
       session_ = std::make_unique<Session>(private_nh, rig, kCloudQueue);
       // Subscribe last: callbacks use everything above.
@@ -51,6 +54,7 @@ class LidarInertialNodelet : public nodelet::Nodelet {
   }
 
   void onCloud(const sensor_msgs::PointCloud2ConstPtr& msg) {
+    if (raw_publisher_.getNumSubscribers() > 0) raw_publisher_.publish(msg);
     session_->addData([this, msg](LidarPipeline& pipeline) {
       std::vector<LidarKeyframe> keyframes = pipeline.addCloud(*msg);
       publishClouds(pipeline.calibrator());
@@ -61,17 +65,23 @@ class LidarInertialNodelet : public nodelet::Nodelet {
   void publishClouds(const LidarInertialCalibrator& calibrator) {
     const bool cloud_wanted = cloud_publisher_.getNumSubscribers() > 0;
     const bool map_wanted = map_publisher_.getNumSubscribers() > 0;
-    if (!cloud_wanted && !map_wanted) return;
+    const bool patches_wanted = patch_publisher_.getNumSubscribers() > 0;
+    if (!cloud_wanted && !map_wanted && !patches_wanted) return;
     const std::optional<DeskewedCloud> cloud = calibrator.deskewedCloud();
     if (!cloud || cloud->stamp == last_cloud_) return;
     last_cloud_ = cloud->stamp;
-    if (cloud_wanted) cloud_publisher_.publish(toCloudMsg(*cloud, FrameNames().world));
-    if (!map_wanted || std::abs(toSeconds(cloud->stamp - last_map_)) < kMapPeriodS) return;
+    const std::vector<PlanePatch> patches = fitPatches(*cloud);
+    if (cloud_wanted) {
+      cloud_publisher_.publish(toCloudMsg(*cloud, distancesToPatches(*cloud, patches), FrameNames().world));
+    }
+    if (std::abs(toSeconds(cloud->stamp - last_map_)) < kMapPeriodS) return;
     last_map_ = cloud->stamp;
+    if (patches_wanted) patch_publisher_.publish(toPatchMarkers(patches, cloud->stamp, FrameNames().world));
+    if (!map_wanted) return;
     map_publisher_.publish(toCloudMsg(calibrator.map(), cloud->stamp, FrameNames().world));
   }
 
-  ros::Publisher cloud_publisher_, map_publisher_;
+  ros::Publisher cloud_publisher_, raw_publisher_, map_publisher_, patch_publisher_;
   TimeNs last_cloud_ = 0, last_map_ = 0;  // used by the session's thread only
   std::unique_ptr<Session> session_;
   std::vector<ros::Subscriber> subscribers_;

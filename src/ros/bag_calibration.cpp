@@ -6,14 +6,18 @@
 #include <sensor_msgs/PointCloud2.h>
 
 #include <algorithm>
+#include <chrono>
 #include <future>
+#include <mutex>
 #include <optional>
 #include <stdexcept>
 #include <utility>
 #include <vector>
 
 #include "cocalib/ros/camera_pipeline.h"
+#include "cocalib/ros/conversions.h"
 #include "cocalib/ros/fuser_pipeline.h"
+#include "cocalib/ros/input_inspection.h"
 #include "cocalib/ros/lidar_pipeline.h"
 #include "cocalib/ros/scene_collector.h"
 
@@ -24,12 +28,34 @@ constexpr double kSliceS = 2.0;       // of recording per round of work: long en
 constexpr double kReadingPart = 0.8;  // of the whole run; the rest is the last solve
 constexpr std::uint64_t kJudgeAfterClouds = 20;
 
+/// Adds up how long the stages take. Thread-safe.
+class StageClock {
+ public:
+  template <typename Work>
+  void time(const std::string& stage, Work&& work) {
+    const auto begin = std::chrono::steady_clock::now();
+    work();
+    const double gone_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    const std::lock_guard<std::mutex> lock(mutex_);
+    seconds_[stage] += gone_s;
+  }
+  std::map<std::string, double> seconds() const {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return seconds_;
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  std::map<std::string, double> seconds_;
+};
+
 /// One message of the rig; exactly one pointer is set.
 struct Message {
   sensor_msgs::ImuConstPtr imu;
   sensor_msgs::ImageConstPtr image;
   sensor_msgs::CompressedImageConstPtr compressed;
   sensor_msgs::PointCloud2ConstPtr cloud;
+  TimeNs received = 0;
 };
 
 /// A stretch of the recording, and what the calibrators made of it.
@@ -55,13 +81,16 @@ struct BagCalibration::Impl {
         camera_model(in->cameraModel()),
         fuser(rig, camera_model),
         scenes(rig, SceneCollector::Keep::kSpread),
+        inspection(rig),
         next(input.view().begin()) {
     if (camera_model) camera.emplace(rig, *camera_model);
     if (rig.lidar) lidar.emplace(rig);
+    inspection.setCamera(camera_model);
   }
 
   std::optional<Slice> readSlice();
   Message read(const rosbag::MessageInstance& message);
+  void show(const Message& message);
   void runCamera(Slice* slice);
   void runLidar(Slice* slice);
   bool runFuser(Slice* slice);
@@ -79,10 +108,12 @@ struct BagCalibration::Impl {
   std::optional<LidarPipeline> lidar;
   FuserPipeline fuser;
   SceneCollector scenes;
+  InputInspection inspection;
   ConvergenceLog log;
   rosbag::View::iterator next;
   std::optional<ros::Time> slice_begin;
   std::uint64_t imu_messages = 0;
+  StageClock clock;
 };
 
 BagCalibration::BagCalibration(const RigConfig& rig, BagInput* input, Listener listener)
@@ -91,6 +122,7 @@ BagCalibration::~BagCalibration() = default;
 
 Message BagCalibration::Impl::read(const rosbag::MessageInstance& message) {
   Message out;
+  out.received = toTimeNs(message.getTime());
   switch (input.streamOf(message)) {
     case BagInput::Stream::kImu:
       out.imu = message.instantiate<sensor_msgs::Imu>();
@@ -111,6 +143,27 @@ Message BagCalibration::Impl::read(const rosbag::MessageInstance& message) {
   return out;
 }
 
+/// To those who only look.
+void BagCalibration::Impl::show(const Message& message) {
+  const TimeNs received = message.received;
+  if (message.imu) {
+    scenes.addImu(*message.imu);
+    inspection.addImu(*message.imu, received);
+  }
+  if (message.cloud) {
+    scenes.addCloud(message.cloud);
+    inspection.addCloud(*message.cloud, received);
+  }
+  if (message.image) {
+    if (rig.lidar) scenes.addImage(message.image);
+    inspection.addImage(*message.image, received);
+  }
+  if (message.compressed) {
+    if (rig.lidar) scenes.addImage(message.compressed);
+    inspection.addImage(*message.compressed, received);
+  }
+}
+
 std::optional<Slice> BagCalibration::Impl::readSlice() {
   if (next == input.view().end()) return std::nullopt;
   Slice slice;
@@ -118,10 +171,7 @@ std::optional<Slice> BagCalibration::Impl::readSlice() {
   const ros::Time end = *slice_begin + ros::Duration(kSliceS);
   for (; next != input.view().end() && next->getTime() < end; ++next) {
     Message message = read(*next);
-    if (message.imu) scenes.addImu(*message.imu);
-    if (message.cloud) scenes.addCloud(message.cloud);
-    if (rig.lidar && message.image) scenes.addImage(message.image);
-    if (rig.lidar && message.compressed) scenes.addImage(message.compressed);
+    show(message);
     slice.messages.push_back(std::move(message));
   }
   return slice;
@@ -187,13 +237,14 @@ void BagCalibration::Impl::meet(const Slice& slice, bool solved) {
   for (const LidarKeyframe& keyframe : slice.lidar) {
     if (keyframe.state) scenes.addState(*keyframe.state);
   }
+  for (const VisualKeyframe& keyframe : slice.visual) inspection.addKeyframe(keyframe);
   if (solved) {
     const CalibrationEstimate estimate = fuser.fuser().estimate();
     if (camera && estimate.camera.valid) camera->calibrator().setJointCalibration(estimate.calibration);
     if (lidar && estimate.lidar.valid) lidar->calibrator().setJointCalibration(estimate.calibration);
   }
-  checkInput(false);
   sayNotices();
+  checkInput(false);
 }
 
 void BagCalibration::Impl::checkInput(bool at_end) {
@@ -216,6 +267,7 @@ void BagCalibration::Impl::checkInput(bool at_end) {
 
 void BagCalibration::Impl::sayNotices() {
   if (!listener.notice) return;
+  for (const Finding& finding : inspection.doctor().takeNew()) listener.notice(finding.words());
   if (camera) {
     for (const Notice& notice : camera->notices().take()) listener.notice(notice.text);
   }
@@ -228,6 +280,8 @@ double BagCalibration::Impl::partRead() const {
   const double length_s = (input.end() - input.begin()).toSec();
   return length_s > 0.0 && slice_begin ? (*slice_begin - input.begin()).toSec() / length_s : 0.0;
 }
+
+std::map<std::string, double> BagCalibration::stageSeconds() const { return impl_->clock.seconds(); }
 
 RunResult BagCalibration::run() {
   Impl& m = *impl_;
@@ -242,12 +296,14 @@ RunResult BagCalibration::run() {
     std::optional<Slice> working = std::move(fresh);
     std::vector<std::future<void>> work;
     if (working) {
-      work.push_back(std::async(std::launch::async, [&] { m.runCamera(&*working); }));
-      work.push_back(std::async(std::launch::async, [&] { m.runLidar(&*working); }));
+      work.push_back(std::async(std::launch::async, [&] { m.clock.time("camera", [&] { m.runCamera(&*working); }); }));
+      work.push_back(std::async(std::launch::async, [&] { m.clock.time("lidar", [&] { m.runLidar(&*working); }); }));
     }
     bool solved = false;
-    if (calibrated) work.push_back(std::async(std::launch::async, [&] { solved = m.runFuser(&*calibrated); }));
-    fresh = m.readSlice();
+    if (calibrated)
+      work.push_back(
+          std::async(std::launch::async, [&] { m.clock.time("fuser", [&] { solved = m.runFuser(&*calibrated); }); }));
+    m.clock.time("reading", [&] { fresh = m.readSlice(); });
     for (std::future<void>& task : work) task.get();
     if (working) m.meet(*working, solved);
     report(m.log.empty() ? "looking for the sensors" : "refining", kReadingPart * m.partRead());
@@ -255,10 +311,12 @@ RunResult BagCalibration::run() {
   }
   m.checkInput(true);
   report("last round", kReadingPart);
-  m.flush(&last);
-  m.runFuser(&last);
-  m.meet(last, false);
-  m.fuser.fuser().finish([&](double part) { report("last round", kReadingPart + (1.0 - kReadingPart) * part); });
+  m.clock.time("last round", [&] {
+    m.flush(&last);
+    m.runFuser(&last);
+    m.meet(last, false);
+    m.fuser.fuser().finish([&](double part) { report("last round", kReadingPart + (1.0 - kReadingPart) * part); });
+  });
   report("done", 1.0);
 
   RunResult result;
@@ -269,7 +327,12 @@ RunResult BagCalibration::run() {
   result.T_W_B = m.fuser.fuser().boardPose();
   if (m.camera && m.lidar) {
     result.scene = m.scenes.best(result.estimate.calibration, *m.camera_model, result.T_W_B);
+    result.scenes = m.scenes.some(kReportScenes);
   }
+  result.findings = m.inspection.doctor().findings();
+  result.motion = m.inspection.motion();
+  result.board = m.inspection.board();
+  result.residuals = m.fuser.fuser().residuals();
   return result;
 }
 

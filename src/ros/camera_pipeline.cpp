@@ -4,7 +4,6 @@
 
 #include "cocalib/ros/conversions.h"
 #include "cocalib/ros/image_reader.h"
-#include "cocalib/ros/imu_reader.h"
 
 namespace cocalib {
 namespace {
@@ -21,37 +20,19 @@ CameraPipeline::CameraPipeline(const RigConfig& rig, const CameraModel& camera, 
       topic_(cameraOf(rig).topic),
       width_(camera.width()),
       height_(camera.height()),
-      least_gap_ns_(toNs(0.9 / params.frame_rate_hz)),
       calibrator_(params, rig.imu.noise, camera, rig.target, rig.guess_T_imu_camera) {
   if (rig.target) board_check_.emplace(*rig.target);
 }
 
 void CameraPipeline::addImu(const sensor_msgs::Imu& msg) {
-  std::string problem;
-  const std::optional<ImuSample> sample = readImu(msg, &problem);
-  if (!sample) {
-    notices_.count("imu samples refused");
-    notices_.warn("imu: " + problem);
-    return;
-  }
-  const StreamGuard::Verdict verdict = guard_.onImu(sample->stamp);
-  if (verdict == StreamGuard::Verdict::kDrop) return notices_.count("imu samples out of order");
-  if (verdict == StreamGuard::Verdict::kRestart) {
-    notices_.count("restarts");
-    last_taken_.reset();
-    calibrator_.reset();
-  }
-  calibrator_.addImu(*sample);
+  const ImuStream::Outcome outcome = imu_.take(msg, &notices_);
+  if (outcome.restart) calibrator_.reset();
+  if (outcome.sample) calibrator_.addImu(*outcome.sample);
 }
 
 void CameraPipeline::reset() {
-  guard_.reset();
-  last_taken_.reset();
+  imu_.reset();
   calibrator_.reset();
-}
-
-bool CameraPipeline::isTooSoon(TimeNs stamp) const {
-  return last_taken_ && stamp > *last_taken_ && stamp - *last_taken_ < least_gap_ns_;
 }
 
 bool CameraPipeline::fitsModel(const cv::Mat& gray) {
@@ -68,13 +49,8 @@ template <typename Message>
 std::vector<VisualKeyframe> CameraPipeline::addAnyImage(const Message& msg) {
   notices_.count("images");
   const TimeNs stamp = toTimeNs(msg.header.stamp);
-  if (!guard_.accepts(stamp)) {
-    notices_.count("images out of time");
-    notices_.warn(topic_ + ": stamps are seconds away from those of the IMU; are the clocks synchronised?");
-    return {};
-  }
-  // The calibrator would not use it; skipping it here saves the decoding.
-  if (isTooSoon(stamp)) return {};
+  if (!imu_.accepts(stamp, topic_, "images", &notices_)) return {};
+  if (calibrator_.isTooSoon(stamp)) return {};  // saves the decoding
   std::string problem;
   const std::optional<ImageFrame> image = readImage(msg, &problem);
   if (!image) {
@@ -83,7 +59,6 @@ std::vector<VisualKeyframe> CameraPipeline::addAnyImage(const Message& msg) {
     return {};
   }
   if (!fitsModel(image->gray)) return {};
-  if (!last_taken_ || stamp > *last_taken_) last_taken_ = stamp;
 
   std::vector<VisualKeyframe> keyframes = calibrator_.addImage(*image);
   if (board_check_) {
@@ -102,8 +77,8 @@ template std::vector<VisualKeyframe> CameraPipeline::addAnyImage(const sensor_ms
 template std::vector<VisualKeyframe> CameraPipeline::addAnyImage(const sensor_msgs::CompressedImage&);
 
 CalibratorDiagnostics CameraPipeline::diagnostics() const {
-  CalibratorDiagnostics diagnostics = calibrator_.diagnostics();
-  for (const auto& [what, number] : notices_.counts()) diagnostics.counts[what] = number;
+  CalibratorDiagnostics diagnostics = notices_.addTo(calibrator_.diagnostics());
+  if (rig_problem_) diagnostics.findings.push_back(*rig_problem_);
   return diagnostics;
 }
 

@@ -21,15 +21,17 @@ sensor_msgs::PointCloud2Ptr emptyCloud(TimeNs stamp, const std::string& frame) {
 
 }  // namespace
 
-sensor_msgs::PointCloud2Ptr toCloudMsg(const DeskewedCloud& cloud, const std::string& world_frame) {
+sensor_msgs::PointCloud2Ptr toCloudMsg(const DeskewedCloud& cloud, const std::vector<float>& distances,
+                                       const std::string& world_frame) {
   sensor_msgs::PointCloud2Ptr msg = emptyCloud(cloud.stamp, world_frame);
   sensor_msgs::PointCloud2Modifier modifier(*msg);
   using sensor_msgs::PointField;
-  modifier.setPointCloud2Fields(5, "x", 1, PointField::FLOAT32, "y", 1, PointField::FLOAT32, "z", 1,
-                                PointField::FLOAT32, "plane", 1, PointField::INT16, "calibration_version", 1,
-                                PointField::UINT32);
+  modifier.setPointCloud2Fields(6, "x", 1, PointField::FLOAT32, "y", 1, PointField::FLOAT32, "z", 1,
+                                PointField::FLOAT32, "distance", 1, PointField::FLOAT32, "plane", 1, PointField::INT16,
+                                "calibration_version", 1, PointField::UINT32);
   modifier.resize(cloud.points_W.size());
   sensor_msgs::PointCloud2Iterator<float> xyz(*msg, "x");
+  sensor_msgs::PointCloud2Iterator<float> distance(*msg, "distance");
   sensor_msgs::PointCloud2Iterator<std::int16_t> plane(*msg, "plane");
   sensor_msgs::PointCloud2Iterator<std::uint32_t> version(*msg, "calibration_version");
   std::size_t written = 0;
@@ -37,9 +39,10 @@ sensor_msgs::PointCloud2Ptr toCloudMsg(const DeskewedCloud& cloud, const std::st
     const Eigen::Vector3f& p = cloud.points_W[i];
     if (!p.allFinite()) continue;
     for (int axis = 0; axis < 3; ++axis) xyz[axis] = p[axis];
+    *distance = i < distances.size() ? distances[i] : -1.0F;
     *plane = i < cloud.plane.size() ? cloud.plane[i] : std::int16_t{-1};
     *version = cloud.calibration_version;
-    ++xyz, ++plane, ++version, ++written;
+    ++xyz, ++distance, ++plane, ++version, ++written;
   }
   modifier.resize(written);
   return msg;

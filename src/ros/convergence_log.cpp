@@ -114,11 +114,14 @@ cv::Mat ConvergenceLog::draw(const cv::Size& size) const {
   for (const bool is_camera : {true, false}) {
     if (!(is_camera ? camera : lidar)) continue;
     const std::string name = is_camera ? "camera" : "lidar";
-    const std::array<std::string, 3> titles = {name + " translation [mm]", name + " rotation [mrad]",
-                                               name + " clock offset [ms]"};
+    const ObservabilityThresholds wanted;
+    const std::array<ChartLabels, 3> labels = {{{name + " translation", "mm", 1e3 * wanted.converged_translation_m},
+                                                {name + " rotation", "mrad", 1e3 * wanted.converged_rotation_rad},
+                                                {name + " clock offset", "ms", 1e3 * wanted.converged_time_offset_s}}};
     for (int row = 0; row < 3; ++row) {
       cv::Mat panel = image(cv::Rect(column * width, row * height, width, height));
-      drawChart(titles[row], curvesOf(entries_, is_camera, static_cast<Quantity>(row)), &panel);
+      drawChart(labels[static_cast<std::size_t>(row)], curvesOf(entries_, is_camera, static_cast<Quantity>(row)),
+                &panel);
     }
     ++column;
   }

@@ -19,7 +19,7 @@ bool isTrouble(const std::string& counter) {
 
 DiagnosticsPublisher::DiagnosticsPublisher(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
                                            const std::string& name)
-    : updater_(nh, private_nh, name) {
+    : updater_(nh, private_nh, "/" + name) {  // the updater cuts the first letter off, which it takes for a slash
   updater_.setHardwareID("none");
   updater_.add("calibration", this, &DiagnosticsPublisher::report);
   timer_ = ros::NodeHandle(nh).createWallTimer(ros::WallDuration(1.0),
@@ -45,6 +45,10 @@ void DiagnosticsPublisher::report(diagnostic_updater::DiagnosticStatusWrapper& s
     trouble = trouble || (number > before && isTrouble(what));
   }
   last_counts_ = diagnostics_.counts;
+  for (std::size_t i = 0; i < diagnostics_.findings.size(); ++i) {
+    status.add("finding " + std::to_string(i + 1), diagnostics_.findings[i]);
+  }
+  trouble = trouble || !diagnostics_.findings.empty();
   for (const auto& [what, value] : values_) status.addf(what, "%.4g", value);
   const std::string words = diagnostics_.stage + (diagnostics_.message.empty() ? "" : ": " + diagnostics_.message);
   using diagnostic_msgs::DiagnosticStatus;

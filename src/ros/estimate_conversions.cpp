@@ -61,6 +61,7 @@ ExtrinsicEstimate commonPart(const CalibrationEstimate& estimate, const Calibrat
   msg.status = toString(estimate.status);
   msg.stage = diagnostics.stage;
   msg.message = estimate.message.empty() ? diagnostics.message : estimate.message;
+  msg.findings = diagnostics.findings;
   msg.duration = finiteOrZero(estimate.duration_s);
   msg.gyro_bias = toVectorMsg(finiteOrZero(estimate.gyro_bias));
   msg.accel_bias = toVectorMsg(finiteOrZero(estimate.accel_bias));
@@ -152,6 +153,8 @@ CalibrationEstimateMsg toEstimateMsg(const CalibrationEstimate& estimate, const 
   msg.status = msg.camera.status;
   msg.stage = msg.camera.stage;
   msg.message = msg.camera.message;
+  msg.progress = diagnostics.progress;
+  msg.findings = diagnostics.findings;
   msg.duration = msg.camera.duration;
   msg.gyro_bias = msg.camera.gyro_bias;
   msg.accel_bias = msg.camera.accel_bias;

@@ -2,61 +2,72 @@
 
 #include <utility>
 
-#include "cocalib/ros/imu_reader.h"
-
 namespace cocalib {
 namespace {
 
-FuserParams withRangeNoise(FuserParams params, const RigConfig& rig) {
+FuserParams adapted(FuserParams params, const RigConfig& rig) {
   if (rig.lidar) params.range_noise_m = rig.lidar->range_noise_m;
+  if (rig.earlier) params.prior = priorFrom(*rig.earlier);
   return params;
 }
 
 }  // namespace
 
 FuserPipeline::FuserPipeline(const RigConfig& rig, const std::optional<CameraModel>& camera, FuserParams params)
-    : fuser_(withRangeNoise(params, rig), rig.imu.noise, {camera, rig.lidar.has_value(), rig.target}) {}
+    : params_(adapted(params, rig)),
+      imu_noise_(rig.imu.noise),
+      inputs_({camera, rig.lidar.has_value(), rig.target}),
+      fuser_(params_, imu_noise_, inputs_) {}
 
 bool FuserPipeline::addImu(const sensor_msgs::Imu& msg) {
-  const std::optional<ImuSample> sample = readImu(msg, nullptr);
-  if (!sample) {
-    notices_.count("imu samples refused");
-    return false;
-  }
-  const StreamGuard::Verdict verdict = guard_.onImu(sample->stamp);
-  if (verdict == StreamGuard::Verdict::kDrop) {
-    notices_.count("imu samples out of order");
-    return false;
-  }
-  const bool restart = verdict == StreamGuard::Verdict::kRestart;
-  if (restart) {
-    notices_.count("restarts");
+  const ImuStream::Outcome outcome = imu_.take(msg, &notices_);
+  if (outcome.restart) {
+    watch_.reset();
     fuser_.reset();
   }
-  fuser_.addImu(*sample);
-  return restart;
+  if (!outcome.sample) return false;
+  if (watch_)
+    watch_->addImu(*outcome.sample);
+  else
+    fuser_.addImu(*outcome.sample);
+  return outcome.restart;
 }
 
 void FuserPipeline::addVisual(VisualKeyframe keyframe) {
-  if (!guard_.accepts(keyframe.stamp)) return notices_.count("keyframes of another run");
+  if (!imu_.accepts(keyframe.stamp)) return notices_.count("keyframes of another run");
   notices_.count("visual keyframes");
+  if (watch_) return watch_->addVisual(std::move(keyframe));
   fuser_.addVisual(std::move(keyframe));
 }
 
 void FuserPipeline::addLidar(LidarKeyframe keyframe) {
-  if (!guard_.accepts(keyframe.scan.stamp)) return notices_.count("keyframes of another run");
+  if (!imu_.accepts(keyframe.scan.stamp)) return notices_.count("keyframes of another run");
   notices_.count("lidar keyframes");
+  if (watch_) return watch_->addLidar(std::move(keyframe));
   fuser_.addLidar(std::move(keyframe));
 }
 
 void FuserPipeline::reset() {
-  guard_.reset();
+  imu_.reset();
+  watch_.reset();
   fuser_.reset();
 }
 
+void FuserPipeline::freeze() {
+  if (!watch_) watch_.emplace(MountingWatch::Params(), params_, imu_noise_, inputs_, fuser_.estimate());
+}
+
+std::vector<MountingChange> FuserPipeline::watch() {
+  if (!watch_) return {};
+  return watch_->examine();
+}
+
 CalibratorDiagnostics FuserPipeline::diagnostics() const {
-  CalibratorDiagnostics diagnostics = fuser_.diagnostics();
-  for (const auto& [what, number] : notices_.counts()) diagnostics.counts[what] = number;
+  CalibratorDiagnostics diagnostics = notices_.addTo(fuser_.diagnostics());
+  if (watch_) {
+    diagnostics.stage = "frozen";
+    diagnostics.counts["looks at the mountings"] = static_cast<std::uint64_t>(watch_->pieces());
+  }
   return diagnostics;
 }
 

@@ -3,7 +3,6 @@
 #include <stdexcept>
 
 #include "cocalib/ros/conversions.h"
-#include "cocalib/ros/imu_reader.h"
 
 namespace cocalib {
 namespace {
@@ -26,34 +25,19 @@ LidarPipeline::LidarPipeline(const RigConfig& rig, LidarInertialParams params)
       calibrator_(withRangeNoise(params, rig.lidar->range_noise_m), rig.imu.noise, rig.guess_T_imu_lidar) {}
 
 void LidarPipeline::addImu(const sensor_msgs::Imu& msg) {
-  std::string problem;
-  const std::optional<ImuSample> sample = readImu(msg, &problem);
-  if (!sample) {
-    notices_.count("imu samples refused");
-    notices_.warn("imu: " + problem);
-    return;
-  }
-  const StreamGuard::Verdict verdict = guard_.onImu(sample->stamp);
-  if (verdict == StreamGuard::Verdict::kDrop) return notices_.count("imu samples out of order");
-  if (verdict == StreamGuard::Verdict::kRestart) {
-    notices_.count("restarts");
-    calibrator_.reset();
-  }
-  calibrator_.addImu(*sample);
+  const ImuStream::Outcome outcome = imu_.take(msg, &notices_);
+  if (outcome.restart) calibrator_.reset();
+  if (outcome.sample) calibrator_.addImu(*outcome.sample);
 }
 
 void LidarPipeline::reset() {
-  guard_.reset();
+  imu_.reset();
   calibrator_.reset();
 }
 
 std::vector<LidarKeyframe> LidarPipeline::addCloud(const sensor_msgs::PointCloud2& msg) {
   notices_.count("clouds");
-  if (!guard_.accepts(toTimeNs(msg.header.stamp))) {
-    notices_.count("clouds out of time");
-    notices_.warn(topic_ + ": stamps are seconds away from those of the IMU; are the clocks synchronised?");
-    return {};
-  }
+  if (!imu_.accepts(toTimeNs(msg.header.stamp), topic_, "clouds", &notices_)) return {};
   std::string problem;
   const std::optional<LidarScan> scan = reader_.read(msg, &problem);
   if (!scan || scan->points.empty()) {
@@ -74,8 +58,8 @@ std::optional<std::string> LidarPipeline::inputProblem() const {
 }
 
 CalibratorDiagnostics LidarPipeline::diagnostics() const {
-  CalibratorDiagnostics diagnostics = calibrator_.diagnostics();
-  for (const auto& [what, number] : notices_.counts()) diagnostics.counts[what] = number;
+  CalibratorDiagnostics diagnostics = notices_.addTo(calibrator_.diagnostics());
+  if (const std::optional<std::string> problem = inputProblem()) diagnostics.findings.push_back(*problem);
   diagnostics.counts["points dropped"] = reader_.droppedPoints();
   return diagnostics;
 }

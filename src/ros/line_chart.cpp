@@ -12,7 +12,8 @@ namespace {
 constexpr double kBandOpacity = 0.18;
 constexpr int kFont = cv::FONT_HERSHEY_SIMPLEX;
 constexpr double kFontScale = 0.4;
-const cv::Scalar kInk(60, 60, 60), kGrid(225, 225, 225);
+constexpr int kLeft = 58, kRight = 14, kTop = 40, kBottom = 24;  // px around a chart's area; two lines of text above it
+const cv::Scalar kInk(60, 60, 60), kGrid(225, 225, 225), kWantedInk(150, 60, 150);
 const std::array<cv::Scalar, 3> kColours = {cv::Scalar(40, 40, 210), cv::Scalar(40, 140, 30), cv::Scalar(210, 90, 30)};
 
 /// Data to pixels of one panel.
@@ -65,6 +66,34 @@ void write(const std::string& text, const cv::Point& at, const cv::Scalar& colou
   cv::putText(*panel, text, at, kFont, kFontScale, colour, 1, cv::LINE_AA);
 }
 
+/// Names and newest sigmas of all curves in the second line above the area.
+void writeLegend(const ChartLabels& labels, const std::vector<Curve>& curves, const Axes& axes, cv::Mat* panel) {
+  int x = axes.area.x;
+  for (std::size_t i = 0; i < curves.size(); ++i) {
+    if (curves[i].points.empty()) continue;
+    const std::string name = curves[i].name.empty() ? "" : curves[i].name + " ";
+    const std::string text = name + "+-" + format(curves[i].points.back().sigma, 2) + " " + labels.unit;
+    write(text, {x, axes.area.y - 7}, kColours[i % kColours.size()], panel);
+    x += cv::getTextSize(text, kFont, kFontScale, 1, nullptr).width + 12;
+  }
+}
+
+/// Dashed lines at the sigma that is wanted, as far as the range shows it.
+void drawWanted(const ChartLabels& labels, const Axes& axes, cv::Mat* panel) {
+  if (labels.wanted_sigma <= 0.0) return;
+  const std::string text = "wanted: +-" + format(labels.wanted_sigma, 3) + " " + labels.unit;
+  const int width = cv::getTextSize(text, kFont, kFontScale, 1, nullptr).width;
+  write(text, {axes.area.x + axes.area.width - width, axes.area.y - 23}, kWantedInk, panel);
+  if (labels.wanted_sigma > axes.y_max) return;
+  constexpr int kDash = 6;
+  for (const double y : {-labels.wanted_sigma, labels.wanted_sigma}) {
+    const cv::Point left = axes.at(0.0, y);
+    for (int x = 0; x < axes.area.width; x += 2 * kDash) {
+      cv::line(*panel, {left.x + x, left.y}, {left.x + std::min(x + kDash, axes.area.width), left.y}, kWantedInk);
+    }
+  }
+}
+
 void drawFrame(const std::string& title, const Axes& axes, cv::Mat* panel) {
   for (const double part : {-1.0, -0.5, 0.0, 0.5, 1.0}) {
     const cv::Point left = axes.at(0.0, part * axes.y_max);
@@ -82,7 +111,7 @@ void drawFrame(const std::string& title, const Axes& axes, cv::Mat* panel) {
     write(label, {std::min(top.x, panel->cols - 34), axes.area.y + axes.area.height + 15}, kInk, panel);
   }
   cv::rectangle(*panel, axes.area, cv::Scalar::all(120));
-  write(title, {axes.area.x, axes.area.y - 7}, cv::Scalar::all(0), panel);
+  write(title, {axes.area.x, axes.area.y - 23}, cv::Scalar::all(0), panel);
 }
 
 void fillBand(const Curve& curve, const Axes& axes, const cv::Scalar& colour, cv::Mat* panel) {
@@ -107,11 +136,11 @@ void drawCurve(const Curve& curve, const Axes& axes, const cv::Scalar& colour, c
 
 }  // namespace
 
-void drawChart(const std::string& title, const std::vector<Curve>& curves, cv::Mat* panel) {
-  const cv::Rect area(58, 24, panel->cols - 58 - 14, panel->rows - 24 - 24);
+void drawChart(const ChartLabels& labels, const std::vector<Curve>& curves, cv::Mat* panel) {
+  const cv::Rect area(kLeft, kTop, panel->cols - kLeft - kRight, panel->rows - kTop - kBottom);
   const Axes axes = fitAxes(curves, area);
   cv::Mat inside = *panel;
-  drawFrame(title, axes, panel);
+  drawFrame(labels.title + " [" + labels.unit + "]", axes, panel);
   // Curves may leave the area: draw on a copy, take back only the area.
   cv::Mat drawn = panel->clone();
   for (std::size_t i = 0; i < curves.size(); ++i) {
@@ -119,13 +148,8 @@ void drawChart(const std::string& title, const std::vector<Curve>& curves, cv::M
   }
   for (std::size_t i = 0; i < curves.size(); ++i) drawCurve(curves[i], axes, kColours[i % kColours.size()], &drawn);
   drawn(area).copyTo(inside(area));
-  int right = panel->cols - 14;
-  for (std::size_t i = curves.size(); i-- > 0;) {
-    if (curves[i].points.empty()) continue;
-    const std::string text = curves[i].name + " +-" + format(curves[i].points.back().sigma, 2);
-    right -= cv::getTextSize(text, kFont, kFontScale, 1, nullptr).width + 8;
-    write(text, {right, area.y - 7}, kColours[i % kColours.size()], panel);
-  }
+  drawWanted(labels, axes, panel);
+  writeLegend(labels, curves, axes, panel);
 }
 
 void drawCaption(const std::string& text, cv::Mat* image) {

@@ -69,15 +69,21 @@ void LiveDisplay::addState(const NavState& state) {
   spread_.addState(state);
 }
 
-void LiveDisplay::setEstimate(const CalibrationEstimate& estimate, const std::string& words,
-                              const std::optional<Pose>& T_W_B) {
+void LiveDisplay::setEstimate(const CalibrationEstimate& estimate, const std::optional<Pose>& T_W_B) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  estimate_ = estimate;
+  T_W_B_ = T_W_B;
+  if (estimate.camera.valid || estimate.lidar.valid) log_.add(estimate);
+}
+
+void LiveDisplay::setHint(const std::string& words, const std::optional<MotionHint>& hint) {
+  visualization_msgs::MarkerArray markers;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
-    estimate_ = estimate;
-    T_W_B_ = T_W_B;
-    if (estimate.camera.valid || estimate.lidar.valid) log_.add(estimate);
+    markers = toMarkers(estimate_, T_W_B_, rig_.target, frames_);
   }
-  marker_publisher_.publish(toMarkers(estimate, words, T_W_B, rig_.target, frames_));
+  addHint(words, hint, frames_, &markers);
+  marker_publisher_.publish(markers);
   worker_.post(0, [this] { publishConvergence(); });
 }
 
@@ -99,7 +105,10 @@ RunResult LiveDisplay::result(const CalibrationEstimate& estimate) const {
   result.log.add(estimate);
   result.camera = camera_;
   result.T_W_B = T_W_B_;
-  if (rig_.lidar && camera_) result.scene = spread_.best(estimate.calibration, *camera_, T_W_B_);
+  if (rig_.lidar && camera_) {
+    result.scene = spread_.best(estimate.calibration, *camera_, T_W_B_);
+    result.scenes = spread_.some(kReportScenes);
+  }
   return result;
 }
 

@@ -11,7 +11,7 @@ namespace {
 
 using visualization_msgs::Marker;
 
-constexpr double kAxisLengthM = 0.2;
+constexpr double kAxisLengthM = 0.3;
 constexpr double kLeastEllipsoidM = 0.002;  // smaller cannot be seen
 
 /// Every marker lasts until it is replaced and has no stamp of its own: rviz shows it in its frame as it stands now.
@@ -86,11 +86,33 @@ void addBoard(const Pose& T_W_B, const BoardGeometry& board, const std::string& 
   all->markers.push_back(squares);
 }
 
+/// A ring about the arrow, three quarters of a turn, in the sense of the turn.
+Marker makeRing(const FrameNames& frames, const Eigen::Vector3d& axis) {
+  constexpr double kRadiusM = 0.18;
+  constexpr int kSteps = 27;
+  Marker ring = makeMarker("motion hint ring", Marker::LINE_STRIP, frames.imu, {});
+  ring.scale.x = 0.02;
+  const Eigen::Vector3d u = axis.unitOrthogonal(), v = axis.cross(u);
+  for (int i = 0; i <= kSteps; ++i) {
+    const double angle = 1.5 * M_PI * i / kSteps;
+    ring.points.push_back(toPointMsg(0.3 * axis + kRadiusM * (std::cos(angle) * u + std::sin(angle) * v)));
+  }
+  return ring;
+}
+
+Marker makeArrow(const FrameNames& frames, const Eigen::Vector3d& axis) {
+  Marker arrow = makeMarker("motion hint", Marker::ARROW, frames.imu, {});
+  arrow.scale.x = 0.03;
+  arrow.scale.y = 0.07;
+  arrow.scale.z = 0.1;
+  arrow.points = {toPointMsg(-0.45 * axis), toPointMsg(0.45 * axis)};
+  return arrow;
+}
+
 }  // namespace
 
-visualization_msgs::MarkerArray toMarkers(const CalibrationEstimate& estimate, const std::string& words,
-                                          const std::optional<Pose>& T_W_B, const std::optional<BoardGeometry>& board,
-                                          const FrameNames& frames) {
+visualization_msgs::MarkerArray toMarkers(const CalibrationEstimate& estimate, const std::optional<Pose>& T_W_B,
+                                          const std::optional<BoardGeometry>& board, const FrameNames& frames) {
   visualization_msgs::MarkerArray all;
   addAxes("imu", frames.imu, Pose(), &all);
   const Calibration& calibration = estimate.calibration;
@@ -103,15 +125,26 @@ visualization_msgs::MarkerArray toMarkers(const CalibrationEstimate& estimate, c
     addEllipsoid("lidar", frames.imu, calibration.T_imu_lidar.t, estimate.covariance.block<3, 3>(6, 6), &all);
   }
   if (board && T_W_B && T_W_B->t.allFinite()) addBoard(*T_W_B, *board, frames.world, &all);
-  if (!words.empty()) {
-    Marker text = makeMarker("status", Marker::TEXT_VIEW_FACING, frames.imu, {});
-    text.pose.position.z = 0.5;
-    text.scale.z = 0.1;
-    text.color.r = text.color.g = text.color.b = 1.0F;
-    text.text = words;
-    all.markers.push_back(text);
-  }
   return all;
+}
+
+void addHint(const std::string& words, const std::optional<MotionHint>& hint, const FrameNames& frames,
+             visualization_msgs::MarkerArray* all) {
+  const Eigen::Vector3d axis = hint ? hint->axis_I : Eigen::Vector3d::UnitZ();
+  for (Marker marker : {makeArrow(frames, axis), makeRing(frames, axis)}) {
+    marker.action = hint ? static_cast<int>(Marker::ADD) : static_cast<int>(Marker::DELETE);
+    marker.color.r = 1.0F;
+    marker.color.g = 0.55F;
+    all->markers.push_back(marker);
+  }
+  Marker text = makeMarker("status", Marker::TEXT_VIEW_FACING, frames.imu, {});
+  text.pose.position.z = 0.6;
+  text.scale.z = 0.1;
+  text.color.r = text.color.g = text.color.b = 1.0F;
+  text.text = hint ? words + "\n" + hint->words : words;
+  for (std::size_t at = 0; (at = text.text.find(": ", at)) != std::string::npos; ++at) text.text.replace(at, 2, ":\n");
+  if (text.text.empty()) text.action = Marker::DELETE;
+  all->markers.push_back(text);
 }
 
 }  // namespace cocalib

@@ -20,7 +20,10 @@ RigConfig loadRigOfNode(const ros::NodeHandle& private_nh) {
   if (!private_nh.getParam("rig", path) || path.empty()) {
     throw std::runtime_error(private_nh.resolveName("rig") + ": parameter missing; set it to the path of the rig file");
   }
-  return loadRigFile(path);
+  RigConfig rig = loadRigFile(path);
+  const std::string earlier = private_nh.param<std::string>("initial_guess", "");
+  if (!earlier.empty()) goOnFrom(earlier, &rig);
+  return rig;
 }
 
 FrameNames frameNamesOf(const RigConfig& rig) {

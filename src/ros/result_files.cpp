@@ -2,13 +2,16 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <opencv2/imgcodecs.hpp>
 #include <stdexcept>
 #include <system_error>
 #include <vector>
 
+#include "cocalib/io/exports.h"
 #include "cocalib/io/result_file.h"
+#include "cocalib/ros/run_report.h"
 
 namespace cocalib {
 namespace {
@@ -30,6 +33,17 @@ void writeOverlays(const std::string& directory, const RigConfig& rig, const Run
   writePicture(directory + "/overlay_after.png", drawOverlay(*result.scene, after, *result.camera, rig.target));
 }
 
+/// Files for other programs. Those of an earlier run that this one cannot make would contradict calibration.yaml.
+void writeExports(const std::string& directory, const RigConfig& rig, const RunResult& result) {
+  const std::vector<NamedText> files = formatExports(rig, result.camera, result.estimate);
+  for (const NamedText& file : files) writeFileAtomically(directory + "/" + file.name, file.text);
+  for (const std::string& name : exportNames()) {
+    const auto isIt = [&name](const NamedText& file) { return file.name == name; };
+    std::error_code ignored;
+    if (std::none_of(files.begin(), files.end(), isIt)) std::filesystem::remove(directory + "/" + name, ignored);
+  }
+}
+
 }  // namespace
 
 void prepareOutputDirectory(const std::string& directory) {
@@ -47,6 +61,8 @@ void prepareOutputDirectory(const std::string& directory) {
 void writeResultFiles(const std::string& directory, const RigConfig& rig, const RunResult& result) {
   const ResultContents contents = {rig.camera.has_value(), rig.lidar.has_value()};
   writeFileAtomically(directory + "/calibration.yaml", formatResult(result.estimate, contents));
+  writeExports(directory, rig, result);
+  writeFileAtomically(directory + "/report.html", makeReport(rig, result));
   writeFileAtomically(directory + "/convergence.csv", result.log.csv());
   writePicture(directory + "/convergence.png", result.log.draw());
   if (result.scene && result.camera) writeOverlays(directory, rig, result);

@@ -121,6 +121,21 @@ std::optional<OverlayScene> SceneCollector::best(const Calibration& calibration,
   return best;
 }
 
+std::vector<OverlayScene> SceneCollector::some(std::size_t count) const {
+  std::vector<const Candidate*> usable;
+  for (const Candidate& candidate : candidates_) {
+    if (candidate.state) usable.push_back(&candidate);
+  }
+  std::vector<OverlayScene> scenes;
+  const std::size_t picked = std::min(count, usable.size());
+  for (std::size_t i = 0; i < picked; ++i) {
+    // The middles of `picked` equal parts.
+    std::optional<OverlayScene> scene = decode(*usable[(2 * i + 1) * usable.size() / (2 * picked)]);
+    if (scene) scenes.push_back(std::move(*scene));
+  }
+  return scenes;
+}
+
 std::optional<OverlayScene> SceneCollector::newest() const {
   if (candidates_.empty()) return std::nullopt;
   // States come a second or two late; without one the board and the velocity are missing from the picture.

@@ -2,9 +2,13 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdio>
 #include <fstream>
+#include <limits>
 #include <stdexcept>
 #include <string>
+
+#include "cocalib/io/result_file.h"
 
 namespace cocalib {
 namespace {
@@ -198,6 +202,40 @@ TEST(RigFile, TheRigsOfThePackageAreGood) {
   EXPECT_TRUE(loadRigFile("cfg/rigs/euroc.yaml").camera->model);
   EXPECT_EQ(loadRigFile("cfg/rigs/acfr.yaml").target->cols, 5);
   EXPECT_FALSE(loadRigFile("cfg/rigs/maplab.yaml").camera);
+}
+
+TEST(RigFile, GoesOnFromAnEarlierResult) {
+  CalibrationEstimate earlier;
+  earlier.status = Status::kConverging;
+  earlier.lidar.valid = true;
+  earlier.calibration.T_imu_lidar.t = {0.1, 0.2, 0.3};
+  earlier.covariance.diagonal().setConstant(1e-6);
+  const std::string path = testing::TempDir() + "rig_file_test_calibration.yaml";
+  writeFileAtomically(path, formatResult(earlier, {true, true}));
+  RigConfig rig = parseRig(kFull, "my_rig.yaml");
+  goOnFrom(path, &rig);
+  ASSERT_TRUE(rig.guess_T_imu_lidar);
+  EXPECT_EQ(rig.guess_T_imu_lidar->t, Eigen::Vector3d(0.1, 0.2, 0.3));
+  EXPECT_FALSE(rig.guess_T_imu_camera);
+  ASSERT_TRUE(rig.earlier);
+  EXPECT_EQ(rig.earlier->covariance(6, 6), 1e-6);
+
+  const auto refused = [&](const CalibrationEstimate& estimate) {
+    writeFileAtomically(path, formatResult(estimate, {true, true}));
+    try {
+      goOnFrom(path, &rig);
+    } catch (const std::runtime_error& error) {
+      return std::string(error.what()).find(path) == 0;
+    }
+    return false;
+  };
+  CalibrationEstimate nothing = earlier;
+  nothing.status = Status::kInsufficientData;
+  EXPECT_TRUE(refused(nothing));
+  CalibrationEstimate impossible = earlier;
+  impossible.covariance(7, 7) = std::numeric_limits<double>::infinity();
+  EXPECT_TRUE(refused(impossible));
+  std::remove(path.c_str());
 }
 
 }  // namespace

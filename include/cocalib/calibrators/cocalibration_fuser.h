@@ -6,7 +6,9 @@
 #include <string>
 
 #include "cocalib/calibrators/diagnostics.h"
+#include "cocalib/estimation/calibration_prior.h"
 #include "cocalib/estimation/estimate.h"
+#include "cocalib/estimation/residual_samples.h"
 #include "cocalib/measurements/measurements.h"
 #include "cocalib/sensors/camera_model.h"
 #include "cocalib/sensors/imu_noise.h"
@@ -22,6 +24,8 @@ struct FuserParams {
   double range_noise_m = 0.03;   ///< of the lidar, 1 sigma
   double corner_sigma_px = 0.1;  ///< of a chessboard corner, 1 sigma
   double track_sigma_px = 0.7;   ///< of a natural feature, 1 sigma
+
+  std::optional<CalibrationPrior> prior;  ///< what earlier data have shown; nothing: start from nothing
 
   /// @throws std::invalid_argument naming every broken bound
   void validate() const;
@@ -63,6 +67,8 @@ class CoCalibrationFuser {
   std::optional<Pose> boardPose() const;
   /// IMU state at the newest keyframe.
   std::optional<NavState> latestState() const;
+  /// What the present estimate leaves unexplained of the data in the window.
+  ResidualSamples residuals() const;
 
   CalibratorDiagnostics diagnostics() const;
   void reset();

@@ -43,6 +43,9 @@ class VisualInertialCalibrator {
   /// The same for a picture whose corners and tracks were measured elsewhere (recorded keyframes, a simulation).
   std::vector<VisualKeyframe> addMeasurements(VisualKeyframe measured);
 
+  /// Whether a picture of this time follows the last one too soon to be processed: its decoding can be saved.
+  bool isTooSoon(TimeNs stamp) const;
+
   /// Keyframes held back for want of a state, at the end of the data.
   std::vector<VisualKeyframe> flush();
 

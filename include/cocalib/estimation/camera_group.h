@@ -57,6 +57,9 @@ class CameraGroup {
   /// First frame with a board, with the pose of its camera: a start for the board landmark.
   std::optional<std::pair<TimeNs, BoardObservation>> firstBoardView() const;
   const Params& params() const { return params_; }
+  /// Reprojection errors of all corners and tracks in use, both axes in turn [px], at a state and its chain.
+  void collectResiduals(const WindowState& state, const InertialChain& chain, std::vector<float>* corners_px,
+                        std::vector<float>* tracks_px) const;
 
  private:
   struct Frame {

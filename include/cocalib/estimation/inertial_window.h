@@ -2,6 +2,7 @@
 
 #include <optional>
 
+#include "cocalib/estimation/calibration_prior.h"
 #include "cocalib/estimation/camera_group.h"
 #include "cocalib/estimation/estimate.h"
 #include "cocalib/estimation/inertial_chain.h"
@@ -11,17 +12,6 @@
 #include "cocalib/estimation/window_state.h"
 
 namespace cocalib {
-
-/// What is known before any data, 1 sigma each; centred on the state at reset().
-struct WindowPriors {
-  double camera_translation_m = 1.0, lidar_translation_m = 1.0;
-  double extrinsic_rotation_rad = 0.5;
-  double time_offset_s = 0.1;
-  double gravity = 0.03;     ///< of its magnitude over the earth and with height [m/s^2]
-  double gyro_bias = 0.2;    ///< [rad/s]
-  double accel_bias = 0.5;   ///< [m/s^2]
-  double outline_m = 0.002;  ///< of the plate's edges where the rig file gives its size
-};
 
 /// An inertial window: a chain of IMU states to which visual and lidar factors attach, with both mountings, clock
 /// offsets, gravity, the board and the planes as unknowns. The one estimator behind all three calibrators (paper Eq. 3,
@@ -46,6 +36,10 @@ class InertialWindow {
     params_.priors.camera_translation_m = camera_m;
     params_.priors.lidar_translation_m = lidar_m;
   }
+
+  /// Earlier data's calibration in place of WindowPriors' extrinsics and clock offsets, from the next reset() on. It
+  /// counts as information: of data that the window does not see itself.
+  void setCalibrationPrior(const CalibrationPrior& prior);
 
   /// Starts over with a first node and a start for everything shared. The node fixes position and heading.
   void reset(const NavState& first, const Calibration& calibration, double gravity);
@@ -118,6 +112,7 @@ class InertialWindow {
   void build(const WindowState& state, int end_node, ChainSystem* system);
   void addGlobalPriors(const WindowState& state, ChainSystem* system) const;
   void addFirstPrior(const WindowState& state, ChainSystem* system) const;
+  void addCalibrationPrior(const WindowState& state, ChainSystem* system) const;
   void startBoard();
   void rebuildPlanes();
   std::vector<std::optional<Plane>> retirePlanes();
@@ -132,6 +127,8 @@ class InertialWindow {
   std::optional<MarginalPrior> prior_;
   std::optional<ChainSystem> solved_;  // of the last optimize(), while nothing has changed since
   LeverExcitation excitation_;
+  std::optional<CalibrationPrior> calibration_prior_;
+  Matrix14d prior_information_ = Matrix14d::Zero();  // of calibration_prior_
   bool board_known_ = false;
   int linked_scans_ = 0;
   int scans_since_planes_ = 0;

@@ -3,6 +3,7 @@
 #include <optional>
 #include <string>
 
+#include "cocalib/estimation/estimate.h"
 #include "cocalib/geometry/pose.h"
 #include "cocalib/measurements/measurements.h"
 #include "cocalib/sensors/camera_model.h"
@@ -36,11 +37,13 @@ struct RigConfig {
   };
 
   std::string file;  ///< where it was read from, for messages
+  std::string text;  ///< what the file says, for the report
   Imu imu;
   std::optional<Camera> camera;
   std::optional<Lidar> lidar;
   std::optional<BoardGeometry> target;
   std::optional<Pose> guess_T_imu_camera, guess_T_imu_lidar;
+  std::optional<CalibrationEstimate> earlier;  ///< result of an earlier run, to go on from
 };
 
 }  // namespace cocalib

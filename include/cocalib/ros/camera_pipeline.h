@@ -11,8 +11,8 @@
 #include "cocalib/calibrators/visual_inertial_calibrator.h"
 #include "cocalib/io/rig_config.h"
 #include "cocalib/ros/board_size_check.h"
+#include "cocalib/ros/imu_stream.h"
 #include "cocalib/ros/notices.h"
-#include "cocalib/ros/stream_guard.h"
 
 namespace cocalib {
 
@@ -38,17 +38,14 @@ class CameraPipeline {
  private:
   template <typename Message>
   std::vector<VisualKeyframe> addAnyImage(const Message& msg);
-  bool isTooSoon(TimeNs stamp) const;
   bool fitsModel(const cv::Mat& gray);
 
   std::string rig_file_, topic_;
   int width_, height_;
-  TimeNs least_gap_ns_;
   VisualInertialCalibrator calibrator_;
   std::optional<BoardSizeCheck> board_check_;
-  StreamGuard guard_;
+  ImuStream imu_;
   Notices notices_;
-  std::optional<TimeNs> last_taken_;
   std::optional<std::string> rig_problem_;
 };
 

@@ -3,11 +3,13 @@
 #include <sensor_msgs/Imu.h>
 
 #include <optional>
+#include <vector>
 
 #include "cocalib/calibrators/cocalibration_fuser.h"
 #include "cocalib/io/rig_config.h"
+#include "cocalib/monitor/mounting_watch.h"
+#include "cocalib/ros/imu_stream.h"
 #include "cocalib/ros/notices.h"
-#include "cocalib/ros/stream_guard.h"
 
 namespace cocalib {
 
@@ -24,13 +26,23 @@ class FuserPipeline {
   void addLidar(LidarKeyframe keyframe);
   void reset();
 
+  /// Holds the calibration as it is: from now on data only show whether it still fits. Until reset().
+  void freeze();
+  bool frozen() const { return watch_.has_value(); }
+  /// What the newest data contradict; may take a second. Nothing unless frozen.
+  std::vector<MountingChange> watch();
+
   CoCalibrationFuser& fuser() { return fuser_; }
   /// The fuser's words and counters together with this pipeline's.
   CalibratorDiagnostics diagnostics() const;
 
  private:
+  const FuserParams params_;
+  const ImuNoise imu_noise_;
+  const FuserInputs inputs_;
   CoCalibrationFuser fuser_;
-  StreamGuard guard_;
+  std::optional<MountingWatch> watch_;
+  ImuStream imu_;
   Notices notices_;
 };
 

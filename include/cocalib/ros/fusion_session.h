@@ -1,20 +1,32 @@
 #pragma once
 
 #include <ros/node_handle.h>
+#include <ros/wall_timer.h>
 
 #include <atomic>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "cocalib/ros/diagnostics_publisher.h"
 #include "cocalib/ros/estimate_publisher.h"
 #include "cocalib/ros/fuser_pipeline.h"
 #include "cocalib/ros/live_display.h"
+#include "cocalib/ros/live_status.h"
 #include "cocalib/ros/messages.h"
+#include "cocalib/ros/tf_rivals.h"
 #include "cocalib/ros/worker.h"
 
 namespace cocalib {
+
+/// What may change while a calibration runs.
+struct SessionSettings {
+  bool publish_tf = true;
+  bool freeze_when_converged = false;
+  double status_period_s = 1.0;  ///< between two lines on the console
+};
 
 /// One live co-calibration: the fuser on its own thread, what it publishes, and its result on disk. All functions may
 /// be called from any thread; none of them solves on the caller's, but finish() and save() wait for what they ask for.
@@ -41,26 +53,40 @@ class FusionSession {
   void restart();
   /// Takes no more data and does the last round over all of it; returns when it is done.
   void finish();
+  /// Holds the estimate: static transforms, and a watch over the mountings until restart(). @return whether there was
+  /// one
+  bool freeze(std::string* words);
+  void configure(const SessionSettings& settings);
   /// Writes the result files. @return whether it worked; `words` say where to, or why not
   bool save(std::string* words);
 
  private:
   enum Lane : std::size_t { kImu, kVisual, kLidar, kControl };
   void solveIfDue();
+  bool freezeNow();
+  void lookAtMountings();
   void publish();
   void publishDiagnostics();
+  void publishEstimate();
+  void tellStatus();
 
   const RigConfig rig_;
   const FrameNames frames_;
   const std::string output_;
   std::atomic<bool> active_{true};  // takes data
   std::atomic<bool> unsaved_{false};
+  std::atomic<bool> freeze_when_converged_{false};
   EstimatePublisher publisher_;
   DiagnosticsPublisher diagnostics_;
   LiveDisplay display_;
-  FuserPipeline pipeline_;  // used by worker_ only
-  bool greeted_ = false;    // used by worker_ only
-  Worker worker_;           // last: its jobs use all of the above
+  LiveStatus status_;
+  TfRivals rivals_;
+  FuserPipeline pipeline_;   // used by worker_ only
+  bool greeted_ = false;     // used by worker_ only
+  std::mutex newest_mutex_;  // guards newest_
+  std::pair<CalibrationEstimate, CalibratorDiagnostics> newest_;
+  Worker worker_;         // its jobs use all of the above
+  ros::WallTimer timer_;  // last: it posts jobs
 };
 
 }  // namespace cocalib

@@ -9,9 +9,9 @@
 
 #include "cocalib/calibrators/lidar_inertial_calibrator.h"
 #include "cocalib/io/rig_config.h"
+#include "cocalib/ros/imu_stream.h"
 #include "cocalib/ros/notices.h"
 #include "cocalib/ros/point_cloud_reader.h"
-#include "cocalib/ros/stream_guard.h"
 
 namespace cocalib {
 
@@ -36,7 +36,7 @@ class LidarPipeline {
   std::string topic_;
   PointCloudReader reader_;
   LidarInertialCalibrator calibrator_;
-  StreamGuard guard_;
+  ImuStream imu_;
   Notices notices_;
   std::string last_problem_;
 };

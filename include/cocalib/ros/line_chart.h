@@ -15,9 +15,16 @@ struct Curve {
   std::vector<Point> points;  ///< in order of x
 };
 
+/// What a chart is called and measured against.
+struct ChartLabels {
+  std::string title;
+  std::string unit;
+  double wanted_sigma = 0.0;  ///< drawn as dashed lines to both sides of zero; 0: none
+};
+
 /// Draws curves over seconds into `panel` (BGR, any size from 200x120). The y range is that of the later two thirds:
 /// what happens before the estimate has settled would flatten the rest, and leaves the picture instead.
-void drawChart(const std::string& title, const std::vector<Curve>& curves, cv::Mat* panel);
+void drawChart(const ChartLabels& labels, const std::vector<Curve>& curves, cv::Mat* panel);
 
 /// One line of text in the middle of the picture.
 void drawCaption(const std::string& text, cv::Mat* image);

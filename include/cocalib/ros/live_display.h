@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 
+#include "cocalib/monitor/progress.h"
 #include "cocalib/ros/convergence_log.h"
 #include "cocalib/ros/estimate_conversions.h"
 #include "cocalib/ros/result_files.h"
@@ -29,7 +30,9 @@ class LiveDisplay {
   void addImage(const sensor_msgs::CompressedImageConstPtr& msg);
   void addCloud(const sensor_msgs::PointCloud2ConstPtr& msg);
   void addState(const NavState& state);
-  void setEstimate(const CalibrationEstimate& estimate, const std::string& words, const std::optional<Pose>& T_W_B);
+  void setEstimate(const CalibrationEstimate& estimate, const std::optional<Pose>& T_W_B);
+  /// What stands above the rig, and which motion is asked for; publishes all markers. To be called about once a second.
+  void setHint(const std::string& words, const std::optional<MotionHint>& hint);
   void reset();
 
   /// Everything the result files need, with this estimate.

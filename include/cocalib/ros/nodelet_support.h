@@ -16,7 +16,7 @@
 
 namespace cocalib {
 
-/// The rig file that the private parameter `rig` names.
+/// The rig file that the private parameter `rig` names, with the earlier result that `initial_guess` may name.
 /// @throws std::runtime_error with one line if the parameter is missing or the file is refused
 RigConfig loadRigOfNode(const ros::NodeHandle& private_nh);
 

@@ -7,6 +7,8 @@
 #include <utility>
 #include <vector>
 
+#include "cocalib/calibrators/diagnostics.h"
+
 namespace cocalib {
 
 /// A line for the user.
@@ -29,6 +31,11 @@ class Notices {
   /// Lines that have not been taken yet.
   std::vector<Notice> take() { return std::exchange(fresh_, {}); }
   const std::map<std::string, std::uint64_t>& counts() const { return counts_; }
+  /// A calibrator's words and counters together with these.
+  CalibratorDiagnostics addTo(CalibratorDiagnostics diagnostics) const {
+    for (const auto& [what, number] : counts_) diagnostics.counts[what] = number;
+    return diagnostics;
+  }
   std::uint64_t counted(const std::string& what) const {
     const auto found = counts_.find(what);
     return found == counts_.end() ? 0 : found->second;

@@ -34,6 +34,8 @@ class SceneCollector {
   /// @param T_W_B  board in the world of the states, if known
   std::optional<OverlayScene> best(const Calibration& calibration, const CameraModel& camera,
                                    const std::optional<Pose>& T_W_B) const;
+  /// Up to `count` scenes, spread evenly over those that are kept and have a state.
+  std::vector<OverlayScene> some(std::size_t count) const;
   /// The newest scene that has a state, or the newest at all.
   std::optional<OverlayScene> newest() const;
 

@@ -50,7 +50,12 @@ class SensorSession {
   void setJoint(const CalibrationEstimateConstPtr& msg) {
     if (!(kPart == SensorPart::kCamera ? msg->camera.valid : msg->lidar.valid)) return;
     const Calibration calibration = fromEstimateMsg(*msg).calibration;
-    worker_.post(kControl, [this, calibration] { pipeline_.calibrator().setJointCalibration(calibration); });
+    const ros::Time stamp = msg->header.stamp;
+    worker_.post(kControl, [this, calibration, stamp] {
+      if (stamp == last_joint_) return;  // only its words are new
+      last_joint_ = stamp;
+      pipeline_.calibrator().setJointCalibration(calibration);
+    });
   }
 
   /// "start": begin anew, "stop": take no more data.
@@ -82,8 +87,10 @@ class SensorSession {
     logNotices(&pipeline_.notices());
     CalibratorDiagnostics diagnostics = pipeline_.diagnostics();
     const CalibrationEstimate estimate = pipeline_.calibrator().estimate();
-    if (estimate.stamp != last_estimate_ || diagnostics.message != last_words_) {
+    const bool found_more = diagnostics.findings.size() != last_findings_;
+    if (estimate.stamp != last_estimate_ || diagnostics.message != last_words_ || found_more) {
       last_estimate_ = estimate.stamp;
+      last_findings_ = diagnostics.findings.size();
       last_words_ = diagnostics.message;
       estimate_publisher_.publish(
           boost::make_shared<ExtrinsicEstimate>(toExtrinsicMsg(estimate, kPart, diagnostics, frames_)));
@@ -101,7 +108,9 @@ class SensorSession {
   Pipeline pipeline_;
   bool active_ = true;
   TimeNs last_estimate_ = 0;
+  ros::Time last_joint_;
   std::string last_words_;
+  std::size_t last_findings_ = 0;
   Worker worker_;  // last: its jobs use all of the above
 };
 

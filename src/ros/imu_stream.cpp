@@ -1,0 +1,38 @@
+#include "cocalib/ros/imu_stream.h"
+
+#include "cocalib/ros/imu_reader.h"
+
+namespace cocalib {
+
+ImuStream::Outcome ImuStream::take(const sensor_msgs::Imu& msg, Notices* notices) {
+  std::string problem;
+  Outcome outcome;
+  outcome.sample = readImu(msg, &problem);
+  if (!outcome.sample) {
+    notices->count("imu samples refused");
+    notices->warn("imu: " + problem);
+    return outcome;
+  }
+  switch (guard_.onImu(outcome.sample->stamp)) {
+    case StreamGuard::Verdict::kDrop:
+      notices->count("imu samples out of order");
+      outcome.sample.reset();
+      break;
+    case StreamGuard::Verdict::kRestart:
+      notices->count("restarts");
+      outcome.restart = true;
+      break;
+    case StreamGuard::Verdict::kGood:
+      break;
+  }
+  return outcome;
+}
+
+bool ImuStream::accepts(TimeNs stamp, const std::string& topic, const std::string& what, Notices* notices) const {
+  if (guard_.accepts(stamp)) return true;
+  notices->count(what + " out of time");
+  notices->warn(topic + ": stamps are seconds away from those of the IMU; are the clocks synchronised?");
+  return false;
+}
+
+}  // namespace cocalib
