@@ -23,6 +23,10 @@ constexpr double kSearchPeriod_s = 0.8;
 constexpr int kStartRounds = 3;
 constexpr int kStartIterations = 8;
 constexpr int kIterations = 3;
+constexpr int kMaxBadSolves = 3;        // in a row, before it starts over
+constexpr double kMinConsistent = 0.5;  // share of the observations that the states explain
+constexpr std::size_t kFewFeatures = 20;
+constexpr int kStarving = 10;  // pictures in a row with few features, before it says so
 constexpr double kRateSlack = 0.9;  // a picture counts as due a little before its time, so that jitter skips none
 
 }  // namespace
@@ -62,7 +66,10 @@ struct VisualInertialCalibrator::Impl {
   void advance();
   void take(VisualKeyframe keyframe);
   void solve();
+  bool solveWindow();
+  void restart(const std::string& reason);
   void publish();
+  void say();
   std::vector<VisualKeyframe> takeKeyframes();
 
   VisualInertialParams params;
@@ -81,6 +88,7 @@ struct VisualInertialCalibrator::Impl {
   std::deque<VisualKeyframe> waiting;  // and measurements that do
   std::deque<VisualKeyframe> unreported;
   TimeNs last_solve = 0;
+  int bad_solves = 0, hungry_images = 0;  // in a row
   CalibrationEstimate estimate;
   CalibratorDiagnostics diagnostics;
 };
@@ -185,7 +193,10 @@ VisualKeyframe VisualInertialCalibrator::Impl::look(const ImageFrame& image) {
   }
   keyframe.tracks = tracker.track(image, rotation, outline);
   last_tracks = image.stamp;
-  if (keyframe.tracks.size() < 20) ++diagnostics.counts["images with few features"];
+  const bool few = keyframe.tracks.size() < kFewFeatures;
+  if (few) ++diagnostics.counts["images with few features"];
+  hungry_images = few ? hungry_images + 1 : 0;
+  if (hungry_images == kStarving) say();
   return keyframe;
 }
 
@@ -209,12 +220,16 @@ void VisualInertialCalibrator::Impl::advance() {
 }
 
 void VisualInertialCalibrator::Impl::take(VisualKeyframe keyframe) {
+  const TimeNs offset = toNs(window.state().calibration.camera_time_offset_s);
+  if (started && toSeconds(keyframe.stamp + offset - window.state().nodes.back().stamp) > params.window_s) {
+    restart("no pictures for longer than the window");
+  }
   if (!started) {
     explored.push_back(std::move(keyframe));
     while (toSeconds(explored.back().stamp - explored.front().stamp) > params.initialization_s) explored.pop_front();
     return;
   }
-  window.extendTo(keyframe.stamp + toNs(window.state().calibration.camera_time_offset_s));
+  window.extendTo(keyframe.stamp + offset);
   window.addFrame(thinTracks(keyframe, params.track_rate_hz));
   unreported.push_back(std::move(keyframe));
   if (toSeconds(window.state().nodes.back().stamp - last_solve) >= params.solve_period_s) solve();
@@ -270,15 +285,40 @@ void VisualInertialCalibrator::Impl::startWindow(const Alignment& alignment) {
   publish();
 }
 
+/// Whether the states explain the pictures after it.
+bool VisualInertialCalibrator::Impl::solveWindow() {
+  window.relink(false, 0.0);
+  if (window.optimize(kIterations).failed) return false;
+  window.learnNoise();
+  return window.camera()->consistentShare() >= kMinConsistent;
+}
+
 void VisualInertialCalibrator::Impl::solve() {
   last_solve = window.state().nodes.back().stamp;
-  window.relink(false, 0.0);
-  if (window.optimize(kIterations).failed) ++diagnostics.counts["failed solves"];
+  if (solveWindow()) {
+    bad_solves = 0;
+  } else {
+    ++diagnostics.counts["failed solves"];
+    if (++bad_solves >= kMaxBadSolves) return restart("the pictures contradict the inertial data");
+  }
   const TimeNs oldest = last_solve - toNs(params.window_s);
   if (window.state().nodes.front().stamp < oldest && !window.marginalizeBefore(oldest)) {
     ++diagnostics.counts["failed marginalizations"];
   }
   publish();
+}
+
+/// Looks for the mounting anew, as if nothing were known.
+void VisualInertialCalibrator::Impl::restart(const std::string& reason) {
+  ++diagnostics.counts["restarts after failure"];
+  started = false;
+  bad_solves = 0;
+  last_try.reset();
+  explored.clear();
+  unreported.clear();
+  estimate = CalibrationEstimate();
+  diagnostics.stage = "starting over";
+  diagnostics.message = estimate.message = "starting over: " + reason;
 }
 
 void VisualInertialCalibrator::Impl::publish() {
@@ -299,7 +339,14 @@ void VisualInertialCalibrator::Impl::publish() {
   estimate.quality.reprojection_rms_px = group.sawBoard() ? group.cornerRms() : group.trackRms();
   estimate.quality.keyframes = static_cast<int>(state.nodes.size());
   judgeEstimate(true, false, ObservabilityThresholds(), &estimate);
-  diagnostics.message = estimate.message;
+  say();
+}
+
+/// The estimate's words, unless the pictures are the trouble.
+void VisualInertialCalibrator::Impl::say() {
+  diagnostics.message = hungry_images < kStarving
+                            ? estimate.message
+                            : "the pictures show too few features to follow: more light or more texture is needed";
 }
 
 std::vector<VisualKeyframe> VisualInertialCalibrator::Impl::takeKeyframes() {
@@ -347,6 +394,7 @@ void VisualInertialCalibrator::reset() {
   m.waiting.clear();
   m.unreported.clear();
   m.last_solve = 0;
+  m.bad_solves = m.hungry_images = 0;
   m.estimate = CalibrationEstimate();
   m.diagnostics.stage = "waiting for imu";
   m.diagnostics.message = m.estimate.message = "waiting for inertial data and pictures";
