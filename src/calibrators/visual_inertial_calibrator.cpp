@@ -1,97 +1,16 @@
 #include "cocalib/calibrators/visual_inertial_calibrator.h"
 
-#include <algorithm>
-#include <deque>
+#include <utility>
 
-#include "cocalib/calibrators/camera_exploration.h"
-#include "cocalib/calibrators/window_start.h"
-#include "cocalib/estimation/inertial_window.h"
-#include "cocalib/estimation/observability.h"
-#include "cocalib/inertial/imu_inbox.h"
-#include "cocalib/visual/board_detector.h"
-#include "cocalib/visual/feature_tracker.h"
+#include "visual_inertial_impl.h"
 
 namespace cocalib {
 namespace {
 
-constexpr double kFirstTry_s = 3.0;  // of pictures, before the first attempt at a mounting
-constexpr double kTryPeriod_s = 1.0;
-constexpr double kGuessShare = 0.8;  // of initialization_s without success, before the guess stands in
-// A search costs as much as twenty tracked pictures; once the window predicts the board there is nothing left to
-// search.
-constexpr double kSearchPeriod_s = 0.8;
-constexpr int kStartRounds = 3;
-constexpr int kStartIterations = 8;
-constexpr int kIterations = 3;
-constexpr int kMaxBadSolves = 3;        // in a row, before it starts over
-constexpr double kMinConsistent = 0.5;  // share of the observations that the states explain
 constexpr std::size_t kFewFeatures = 20;
-constexpr int kStarving = 10;  // pictures in a row with few features, before it says so
 constexpr double kRateSlack = 0.9;  // a picture counts as due a little before its time, so that jitter skips none
 
 }  // namespace
-
-struct VisualInertialCalibrator::Impl {
-  Impl(const VisualInertialParams& p, const ImuNoise& noise, const CameraModel& model,
-       const std::optional<BoardGeometry>& b, const std::optional<Pose>& g)
-      : params(p),
-        guess(g),
-        camera(model),
-        board(b),
-        tracker(model, FeatureTracker::Params()),
-        window(windowParams(noise, model, b)) {
-    if (board) {
-      BoardDetector::Params detection;
-      detection.search_period_s = kSearchPeriod_s;
-      detector.emplace(*board, camera, detection);
-    }
-  }
-  static InertialWindow::Params windowParams(const ImuNoise& noise, const CameraModel& model,
-                                             const std::optional<BoardGeometry>& board) {
-    InertialWindow::Params out;
-    out.imu_noise = noise;
-    out.camera.emplace(model);
-    out.camera->board = board;
-    return out;
-  }
-
-  bool comesInOrder(TimeNs stamp) const { return !last_image || stamp > *last_image; }
-  std::vector<VisualKeyframe> keyframesAfterAdvance();
-  VisualKeyframe look(const ImageFrame& image);
-  std::optional<Eigen::Quaterniond> predictRotation(TimeNs stamp) const;
-  void predictBoard(TimeNs stamp);
-  bool tryToStart();
-  void startWindow(const Alignment& alignment);
-  bool coveredByImu(TimeNs stamp) const;
-  void advance();
-  void take(VisualKeyframe keyframe);
-  void solve();
-  bool solveWindow();
-  void restart(const std::string& reason);
-  void publish();
-  void say();
-  std::vector<VisualKeyframe> takeKeyframes();
-
-  VisualInertialParams params;
-  std::optional<Pose> guess;
-  CameraModel camera;
-  std::optional<BoardGeometry> board;
-  std::optional<BoardDetector> detector;
-  FeatureTracker tracker;
-  InertialWindow window;
-  ImuInbox inbox;
-  bool started = false;
-  std::optional<TimeNs> last_image, last_tracks;
-  std::deque<ImageFrame> images;        // that wait for inertial data,
-  std::deque<VisualKeyframe> explored;  // before the start, newest initialization_s
-  std::optional<TimeNs> last_try;
-  std::deque<VisualKeyframe> waiting;  // and measurements that do
-  std::deque<VisualKeyframe> unreported;
-  TimeNs last_solve = 0;
-  int bad_solves = 0, hungry_images = 0;  // in a row
-  CalibrationEstimate estimate;
-  CalibratorDiagnostics diagnostics;
-};
 
 VisualInertialCalibrator::VisualInertialCalibrator(const VisualInertialParams& params, const ImuNoise& imu_noise,
                                                    const CameraModel& camera, const std::optional<BoardGeometry>& board,
@@ -233,134 +152,6 @@ void VisualInertialCalibrator::Impl::take(VisualKeyframe keyframe) {
   window.addFrame(thinTracks(keyframe, params.track_rate_hz));
   unreported.push_back(std::move(keyframe));
   if (toSeconds(window.state().nodes.back().stamp - last_solve) >= params.solve_period_s) solve();
-}
-
-bool VisualInertialCalibrator::Impl::tryToStart() {
-  if (explored.empty()) return false;
-  const TimeNs now = explored.back().stamp;
-  if (toSeconds(now - explored.front().stamp) < kFirstTry_s) return false;
-  if (last_try && toSeconds(now - *last_try) < kTryPeriod_s) return false;
-  last_try = now;
-  std::string reason;
-  const CameraExploration exploration(camera, board);
-  const std::vector<VisualKeyframe> frames(explored.begin(), explored.end());
-  auto alignment = exploration.align(window.imu(), frames, std::nullopt, &reason);
-  if (!alignment && guess && toSeconds(now - frames.front().stamp) >= kGuessShare * params.initialization_s) {
-    std::string doubt;
-    alignment = exploration.align(window.imu(), frames, guess, &doubt);
-    if (!alignment) reason += " (nor does it start from the initial guess: " + doubt + ")";
-  }
-  if (!alignment) {
-    diagnostics.stage = "waiting for motion";
-    diagnostics.message = estimate.message = reason;
-    return false;
-  }
-  startWindow(*alignment);
-  return true;
-}
-
-void VisualInertialCalibrator::Impl::startWindow(const Alignment& alignment) {
-  Calibration calibration;
-  calibration.T_imu_camera = alignment.T_imu_sensor;
-  calibration.camera_time_offset_s = alignment.time_offset_s;
-  startNodes(alignment, calibration, &window);
-  const TimeNs offset = toNs(alignment.time_offset_s);
-  const TimeNs first = window.state().nodes.front().stamp, last = window.state().nodes.back().stamp;
-  for (VisualKeyframe& keyframe : explored) {
-    const TimeNs stamp = keyframe.stamp + offset;
-    if (stamp < first) continue;
-    if (stamp > last) window.extendTo(stamp);
-    window.addFrame(thinTracks(keyframe, params.track_rate_hz));
-    unreported.push_back(std::move(keyframe));
-  }
-  explored.clear();
-  for (int round = 0; round < kStartRounds; ++round) {
-    window.relink(false, 0.0);
-    window.optimize(kStartIterations);
-    window.learnNoise();
-  }
-  started = true;
-  last_solve = window.state().nodes.back().stamp;
-  diagnostics.stage = "refining";
-  publish();
-}
-
-/// Whether the states explain the pictures after it.
-bool VisualInertialCalibrator::Impl::solveWindow() {
-  window.relink(false, 0.0);
-  if (window.optimize(kIterations).failed) return false;
-  window.learnNoise();
-  return window.camera()->consistentShare() >= kMinConsistent;
-}
-
-void VisualInertialCalibrator::Impl::solve() {
-  last_solve = window.state().nodes.back().stamp;
-  if (solveWindow()) {
-    bad_solves = 0;
-  } else {
-    ++diagnostics.counts["failed solves"];
-    if (++bad_solves >= kMaxBadSolves) return restart("the pictures contradict the inertial data");
-  }
-  const TimeNs oldest = last_solve - toNs(params.window_s);
-  if (window.state().nodes.front().stamp < oldest && !window.marginalizeBefore(oldest)) {
-    ++diagnostics.counts["failed marginalizations"];
-  }
-  publish();
-}
-
-/// Looks for the mounting anew, as if nothing were known.
-void VisualInertialCalibrator::Impl::restart(const std::string& reason) {
-  ++diagnostics.counts["restarts after failure"];
-  started = false;
-  bad_solves = 0;
-  last_try.reset();
-  explored.clear();
-  unreported.clear();
-  estimate = CalibrationEstimate();
-  diagnostics.stage = "starting over";
-  diagnostics.message = estimate.message = "starting over: " + reason;
-}
-
-void VisualInertialCalibrator::Impl::publish() {
-  Matrix14d covariance;
-  if (!window.calibrationCovariance(&covariance)) {
-    ++diagnostics.counts["covariances refused"];
-    return;
-  }
-  const WindowState& state = window.state();
-  estimate.stamp = state.nodes.back().stamp;
-  estimate.calibration = state.calibration;
-  estimate.covariance = covariance;
-  estimate.gyro_bias = state.nodes.back().gyro_bias;
-  estimate.accel_bias = state.nodes.back().accel_bias;
-  estimate.gravity = state.gravity;
-  const CameraGroup& group = *window.camera();
-  estimate.quality.board_views = group.boardViews();
-  estimate.quality.reprojection_rms_px = group.sawBoard() ? group.cornerRms() : group.trackRms();
-  estimate.quality.keyframes = static_cast<int>(state.nodes.size());
-  judgeEstimate(true, false, ObservabilityThresholds(), &estimate);
-  say();
-}
-
-/// The estimate's words, unless the pictures are the trouble.
-void VisualInertialCalibrator::Impl::say() {
-  diagnostics.message = hungry_images < kStarving
-                            ? estimate.message
-                            : "the pictures show too few features to follow: more light or more texture is needed";
-}
-
-std::vector<VisualKeyframe> VisualInertialCalibrator::Impl::takeKeyframes() {
-  std::vector<VisualKeyframe> keyframes;
-  const WindowState& state = window.state();
-  const TimeNs offset = toNs(state.calibration.camera_time_offset_s);
-  while (!unreported.empty() && unreported.front().stamp + offset <= last_solve) {
-    VisualKeyframe keyframe = thinTracks(unreported.front(), params.track_rate_hz);
-    const int node = nodeAt(state.nodes, keyframe.stamp + offset);
-    keyframe.state = state.nodes[static_cast<std::size_t>(node)];
-    keyframes.push_back(std::move(keyframe));
-    unreported.pop_front();
-  }
-  return keyframes;
 }
 
 CalibrationEstimate VisualInertialCalibrator::estimate() const { return impl_->estimate; }
