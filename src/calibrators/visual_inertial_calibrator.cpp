@@ -112,10 +112,6 @@ VisualKeyframe VisualInertialCalibrator::Impl::look(const ImageFrame& image) {
   }
   keyframe.tracks = tracker.track(image, rotation, outline);
   last_tracks = image.stamp;
-  const bool few = keyframe.tracks.size() < kFewFeatures;
-  if (few) ++diagnostics.counts["images with few features"];
-  hungry_images = few ? hungry_images + 1 : 0;
-  if (hungry_images == kStarving) say();
   return keyframe;
 }
 
@@ -139,6 +135,10 @@ void VisualInertialCalibrator::Impl::advance() {
 }
 
 void VisualInertialCalibrator::Impl::take(VisualKeyframe keyframe) {
+  const bool few = keyframe.tracks.size() < kFewFeatures && !keyframe.board;
+  if (few) ++diagnostics.counts["images with few features"];
+  hungry_images = few ? hungry_images + 1 : 0;
+  if (hungry_images == kStarving) say();
   const TimeNs offset = toNs(window.state().calibration.camera_time_offset_s);
   if (started && toSeconds(keyframe.stamp + offset - window.state().nodes.back().stamp) > params.window_s) {
     restart("no pictures for longer than the window");
