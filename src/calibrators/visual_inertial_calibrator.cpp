@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "cocalib/calibrators/camera_exploration.h"
 #include "visual_inertial_impl.h"
 
 namespace cocalib {
