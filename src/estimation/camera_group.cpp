@@ -127,10 +127,16 @@ void CameraGroup::addBoard(const WindowState& state, int frame, Sums* sums, Chai
   system->b_global.segment<6>(kB) += b_B;
 }
 
-void CameraGroup::learnNoise() {
+bool CameraGroup::learnNoise() {
   constexpr double kMinSigma_px = 0.04, kMaxSigma_px = 2.0;
+  const double corner_before = params_.corner_sigma_px;
+  const TrackNoise tracks_before = params_.track_noise;
   if (corner_rms_px_ > 0.0) params_.corner_sigma_px = std::clamp(corner_rms_px_, kMinSigma_px, kMaxSigma_px);
   if (track_residuals_.ready()) params_.track_noise = track_residuals_.estimate(params_.track_noise);
+  const auto differs = [](double a, double b) { return std::abs(a - b) > 0.05 * std::max(a, b); };
+  return differs(corner_before, params_.corner_sigma_px) ||
+         differs(tracks_before.sigma_px, params_.track_noise.sigma_px) ||
+         differs(tracks_before.drift_per_s, params_.track_noise.drift_per_s);
 }
 
 void CameraGroup::dropFront(int end_node) {

@@ -72,7 +72,7 @@ class InertialWindow {
   /// Sets the noise of corners, tracks and ranges to what their residuals show; call it after optimize() and before
   /// marginalizing.
   void learnNoise() {
-    if (camera_) camera_->learnNoise();
+    if (camera_ && camera_->learnNoise()) solved_.reset();  // its information was that of another noise
     if (lidar_) lidar_->learnRangeNoise();
   }
 
