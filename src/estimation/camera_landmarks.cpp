@@ -27,6 +27,13 @@ Eigen::Matrix3d landmarkJacobian(const Pose& T_W_A, const Eigen::Vector3d& uv_rh
   return T_W_A.R() * J_A;
 }
 
+/// What a chi-square variable times its weight in Student's t comes to on average, to second order: less than its
+/// degrees, since the large ones are weighed down.
+double expectedWeighed(double degrees, double freedom) {
+  const double all = freedom + degrees;
+  return degrees * (1.0 - 2.0 * freedom / (all * all));
+}
+
 }  // namespace
 
 struct CameraGroup::Views {
@@ -117,7 +124,7 @@ void CameraGroup::addLandmark(Landmark* landmark, Sums* sums) const {
   if (!eliminate(views, robust.weight, landmark, sums)) return;
   sums->cost += robust.cost;
   sums->track_noise.add(views.times_s, views.r, robust.weight);
-  sums->track_noise.addWhitened(views.squared, views.degrees(), robust.weight);
+  sums->track_noise.addWhitened(views.squared, expectedWeighed(views.degrees(), params_.track_freedom), robust.weight);
   const double px2 = params_.track_noise.sigma_px * params_.track_noise.sigma_px;
   for (const Eigen::Vector2d& r : views.r) sums->track_square_px += 0.5 * px2 * r.squaredNorm();
   sums->track_observations += views.r.size();

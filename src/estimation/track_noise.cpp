@@ -38,9 +38,9 @@ void TrackNoiseEstimator::add(const std::vector<double>& times_s, const std::vec
   compare(kFar, &far_);
 }
 
-void TrackNoiseEstimator::addWhitened(double squared, double degrees, double weight) {
+void TrackNoiseEstimator::addWhitened(double squared, double expected, double weight) {
   squared_ += weight * squared;
-  degrees_ += degrees;
+  expected_ += expected;
 }
 
 TrackNoise TrackNoiseEstimator::estimate(const TrackNoise& in_use) const {
@@ -52,8 +52,8 @@ TrackNoise TrackNoiseEstimator::estimate(const TrackNoise& in_use) const {
     out.drift_per_s = slope > kMaxDrift_per_s * white ? kMaxDrift_per_s : slope / white;
   }
   // The size follows from all residuals together, and so holds whatever the differences miss.
-  if (degrees_ > 0.0)
-    out.sigma_px = std::clamp(in_use.sigma_px * std::sqrt(squared_ / degrees_), kMinSigma_px, kMaxSigma_px);
+  if (expected_ > 0.0)
+    out.sigma_px = std::clamp(in_use.sigma_px * std::sqrt(squared_ / expected_), kMinSigma_px, kMaxSigma_px);
   return out;
 }
 

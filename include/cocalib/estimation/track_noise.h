@@ -23,8 +23,8 @@ class TrackNoiseEstimator {
  public:
   /// One track: residuals [px] at ascending times [s], with a weight that is small for a track that belongs to nothing.
   void add(const std::vector<double>& times_s, const std::vector<Eigen::Vector2d>& residuals_px, double weight);
-  /// Squared residuals of one track, whitened with the noise in use, over their degrees of freedom.
-  void addWhitened(double squared, double degrees, double weight);
+  /// Squared residuals of one track, whitened with the noise in use, and what weight times square should be on average.
+  void addWhitened(double squared, double expected, double weight);
 
   /// Ready to estimate: enough tracks were added.
   bool ready() const { return tracks_ >= kMinTracks; }
@@ -41,7 +41,7 @@ class TrackNoiseEstimator {
     double span() const { return seconds / weight; }
   };
   Differences near_, far_;
-  double squared_ = 0.0, degrees_ = 0.0;
+  double squared_ = 0.0, expected_ = 0.0;
   std::size_t tracks_ = 0;
 };
 
