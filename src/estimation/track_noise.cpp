@@ -49,11 +49,12 @@ TrackNoise TrackNoiseEstimator::estimate(const TrackNoise& in_use) const {
     // E |r_j - r_i|^2 per axis = 2 sigma^2 + sigma^2 drift (t_j - t_i)
     const double slope = std::max(0.0, (far_.mean() - near_.mean()) / (far_.span() - near_.span()));
     const double white = 0.5 * (near_.mean() - slope * near_.span());
-    out.drift_per_s = slope > kMaxDrift_per_s * white ? kMaxDrift_per_s : slope / white;
+    out.drift_per_s = slope > 0.0 ? slope / std::max(white, slope / kMaxDrift_per_s) : 0.0;
   }
   // The size follows from all residuals together, and so holds whatever the differences miss.
-  if (expected_ > 0.0)
+  if (expected_ > 0.0) {
     out.sigma_px = std::clamp(in_use.sigma_px * std::sqrt(squared_ / expected_), kMinSigma_px, kMaxSigma_px);
+  }
   return out;
 }
 
