@@ -52,8 +52,9 @@ class CameraGroup {
 
   /// Replaces the assumed noise of corners and tracks by what the residuals of the last accumulate() of everything
   /// show: noise is measured, not believed. A corner's is bounded below, because errors of the lens model, which are
-  /// common to a whole view, do not average out as noise does.
-  void learnNoise();
+  /// common to a whole view, do not average out as noise does. @return whether it changed by more than a
+  /// twentieth
+  bool learnNoise();
 
   /// RMS reprojection error of corners and tracks at the last accumulate(), per axis [px].
   double cornerRms() const { return corner_rms_px_; }
