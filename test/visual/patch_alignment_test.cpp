@@ -16,7 +16,9 @@ class Clouds {
   Clouds() {
     std::mt19937 random(3);
     std::uniform_real_distribution<double> unit(-1.0, 1.0);
-    for (Wave& wave : waves_) wave = {0.6 * unit(random), 0.6 * unit(random), 3.0 * unit(random), 14.0};
+    for (Wave& wave : waves_)
+      wave = {0.6 * unit(random), 0.6 * unit(random), 3.0 * unit(random),
+              9.0};  // bright or dark, never cut off at 0 or 255
   }
   double at(double x, double y) const {
     double sum = 128.0;
@@ -61,7 +63,7 @@ TEST(ReferencePatch, IsFoundUnderWarpAndChangeOfLight) {
   const PatchPlace start = kStraight;
   for (const PatchPlace& truth : {warped(0.3, -0.4, 0.0, 1.0), warped(-1.2, 0.9, 0.1, 1.0),
                                   warped(0.5, 0.5, -0.15, 1.1), warped(1.0, -0.2, 0.05, 0.88)}) {
-    for (const double gain : {0.6, 1.0, 1.3}) {
+    for (const double gain : {0.6, 1.0, 1.2}) {
       const auto found = patch->find(clouds.picture(truth, gain, 5.0, 1.0), start);
       ASSERT_TRUE(found) << truth.center.transpose() << ", gain " << gain;
       EXPECT_LT((found->center - truth.center).norm(), 0.05) << gain;  // noise alone: 0.01 to 0.02 px

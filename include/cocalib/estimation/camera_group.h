@@ -55,6 +55,11 @@ class CameraGroup {
   /// common to a whole view, do not average out as noise does. @return whether it changed by more than a
   /// twentieth
   bool learnNoise();
+  /// Starts from the noise that another group has learnt.
+  void adoptNoise(const CameraGroup& other) {
+    params_.corner_sigma_px = other.params_.corner_sigma_px;
+    params_.track_noise = other.params_.track_noise;
+  }
 
   /// RMS reprojection error of corners and tracks at the last accumulate(), per axis [px].
   double cornerRms() const { return corner_rms_px_; }

@@ -76,6 +76,11 @@ class InertialWindow {
     if (lidar_) lidar_->learnRangeNoise();
   }
 
+  /// Starts from the noise of corners and tracks that another window has learnt.
+  void adoptNoise(const InertialWindow& other) {
+    if (camera_ && other.camera_) camera_->adoptNoise(*other.camera_);
+  }
+
   struct Summary {
     int iterations = 0;
     double first_cost = 0.0, last_cost = 0.0;
