@@ -127,7 +127,9 @@ class Recording {
     std::vector<Job> jobs;
     const Scenario::Camera& camera = scenario_.camera;
     const double readout_s = 0.5 * (camera.exposure_s + camera.line_delay_s * camera.height);
+    const sim::PictureFaults faults(scenario_);
     for (int k = 0; k < sim::imageCount(scenario_); ++k) {
+      if (faults.isDropped(k)) continue;
       jobs.push_back({sim::imageTime(scenario_, k) + readout_s + kTransfer_s, true, k});
     }
     for (int k = 0; k < sim::scanCount(scenario_); ++k) {

@@ -28,7 +28,7 @@ InertialWindow::Params windowParams(const FuserParams& params, const ImuNoise& n
     CameraGroup::Params camera(*inputs.camera);
     camera.board = inputs.board;
     camera.corner_sigma_px = params.corner_sigma_px;
-    camera.track_sigma_px = params.track_sigma_px;
+    camera.track_noise.sigma_px = params.track_sigma_px;
     window.camera = camera;
   }
   if (inputs.lidar) {

@@ -1,89 +1,17 @@
 #include "cocalib/calibrators/visual_inertial_calibrator.h"
 
-#include <algorithm>
-#include <deque>
+#include <utility>
 
 #include "cocalib/calibrators/camera_exploration.h"
-#include "cocalib/calibrators/window_start.h"
-#include "cocalib/estimation/inertial_window.h"
-#include "cocalib/estimation/observability.h"
-#include "cocalib/inertial/imu_inbox.h"
-#include "cocalib/visual/board_detector.h"
-#include "cocalib/visual/feature_tracker.h"
+#include "visual_inertial_impl.h"
 
 namespace cocalib {
 namespace {
 
-constexpr double kFirstTry_s = 3.0;  // of pictures, before the first attempt at a mounting
-constexpr double kTryPeriod_s = 1.0;
-constexpr double kOpenShare = 0.8;  // of initialization_s without success, before a part may stay open
-// A search costs as much as twenty tracked pictures; once the window predicts the board there is nothing left to
-// search.
-constexpr double kSearchPeriod_s = 0.8;
-constexpr int kStartRounds = 3;
-constexpr int kStartIterations = 8;
-constexpr int kIterations = 3;
+constexpr std::size_t kFewFeatures = 20;
 constexpr double kRateSlack = 0.9;  // a picture counts as due a little before its time, so that jitter skips none
 
 }  // namespace
-
-struct VisualInertialCalibrator::Impl {
-  Impl(const VisualInertialParams& p, const ImuNoise& noise, const CameraModel& model,
-       const std::optional<BoardGeometry>& b, const std::optional<Pose>& g)
-      : params(p),
-        guess(g),
-        camera(model),
-        board(b),
-        tracker(model, FeatureTracker::Params()),
-        window(windowParams(noise, model, b)) {
-    if (board) {
-      BoardDetector::Params detection;
-      detection.search_period_s = kSearchPeriod_s;
-      detector.emplace(*board, camera, detection);
-    }
-  }
-  static InertialWindow::Params windowParams(const ImuNoise& noise, const CameraModel& model,
-                                             const std::optional<BoardGeometry>& board) {
-    InertialWindow::Params out;
-    out.imu_noise = noise;
-    out.camera.emplace(model);
-    out.camera->board = board;
-    return out;
-  }
-
-  bool comesInOrder(TimeNs stamp) const { return !last_image || stamp > *last_image; }
-  std::vector<VisualKeyframe> keyframesAfterAdvance();
-  VisualKeyframe look(const ImageFrame& image);
-  std::optional<Eigen::Quaterniond> predictRotation(TimeNs stamp) const;
-  void predictBoard(TimeNs stamp);
-  bool tryToStart();
-  void startWindow(const Alignment& alignment);
-  bool coveredByImu(TimeNs stamp) const;
-  void advance();
-  void take(VisualKeyframe keyframe);
-  void solve();
-  void publish();
-  std::vector<VisualKeyframe> takeKeyframes();
-
-  VisualInertialParams params;
-  std::optional<Pose> guess;
-  CameraModel camera;
-  std::optional<BoardGeometry> board;
-  std::optional<BoardDetector> detector;
-  FeatureTracker tracker;
-  InertialWindow window;
-  ImuInbox inbox;
-  bool started = false;
-  std::optional<TimeNs> last_image, last_tracks;
-  std::deque<ImageFrame> images;        // that wait for inertial data,
-  std::deque<VisualKeyframe> explored;  // before the start, newest initialization_s
-  std::optional<TimeNs> last_try;
-  std::deque<VisualKeyframe> waiting;  // and measurements that do
-  std::deque<VisualKeyframe> unreported;
-  TimeNs last_solve = 0;
-  CalibrationEstimate estimate;
-  CalibratorDiagnostics diagnostics;
-};
 
 VisualInertialCalibrator::VisualInertialCalibrator(const VisualInertialParams& params, const ImuNoise& imu_noise,
                                                    const CameraModel& camera, const std::optional<BoardGeometry>& board,
@@ -185,7 +113,6 @@ VisualKeyframe VisualInertialCalibrator::Impl::look(const ImageFrame& image) {
   }
   keyframe.tracks = tracker.track(image, rotation, outline);
   last_tracks = image.stamp;
-  if (keyframe.tracks.size() < 20) ++diagnostics.counts["images with few features"];
   return keyframe;
 }
 
@@ -209,116 +136,23 @@ void VisualInertialCalibrator::Impl::advance() {
 }
 
 void VisualInertialCalibrator::Impl::take(VisualKeyframe keyframe) {
+  const bool few = keyframe.tracks.size() < kFewFeatures && !keyframe.board;
+  if (few) ++diagnostics.counts["images with few features"];
+  hungry_images = few ? hungry_images + 1 : 0;
+  if (hungry_images == kStarving) say();
+  const TimeNs offset = toNs(window.state().calibration.camera_time_offset_s);
+  if (started && toSeconds(keyframe.stamp + offset - window.state().nodes.back().stamp) > params.window_s) {
+    restart("no pictures for longer than the window");
+  }
   if (!started) {
     explored.push_back(std::move(keyframe));
     while (toSeconds(explored.back().stamp - explored.front().stamp) > params.initialization_s) explored.pop_front();
     return;
   }
-  window.extendTo(keyframe.stamp + toNs(window.state().calibration.camera_time_offset_s));
+  window.extendTo(keyframe.stamp + offset);
   window.addFrame(thinTracks(keyframe, params.track_rate_hz));
   unreported.push_back(std::move(keyframe));
   if (toSeconds(window.state().nodes.back().stamp - last_solve) >= params.solve_period_s) solve();
-}
-
-bool VisualInertialCalibrator::Impl::tryToStart() {
-  if (explored.empty()) return false;
-  const TimeNs now = explored.back().stamp;
-  if (toSeconds(now - explored.front().stamp) < kFirstTry_s) return false;
-  if (last_try && toSeconds(now - *last_try) < kTryPeriod_s) return false;
-  last_try = now;
-  std::string reason;
-  const CameraExploration exploration(camera, board);
-  const std::vector<VisualKeyframe> frames(explored.begin(), explored.end());
-  auto alignment = exploration.align(window.imu(), frames, &reason);
-  if (!alignment && toSeconds(now - frames.front().stamp) >= kOpenShare * params.initialization_s) {
-    alignment = exploration.alignOpenly(window.imu(), frames, guess, &reason);
-    const bool imu_there = !window.imu().empty() && window.imu().firstStamp() <= now;
-    if (!alignment && imu_there && exploration.seesEnough(frames)) {
-      estimate = unseenEstimate(Sensor::kCamera, guess);
-      estimate.stamp = now;
-      estimate.duration_s = toSeconds(now - frames.front().stamp);
-    }
-  }
-  if (!alignment) {
-    diagnostics.stage = "waiting for motion";
-    diagnostics.message = estimate.message = reason;
-    return false;
-  }
-  returnUnseenToPrior(&*alignment);
-  startWindow(*alignment);
-  return true;
-}
-
-void VisualInertialCalibrator::Impl::startWindow(const Alignment& alignment) {
-  Calibration calibration;
-  calibration.T_imu_camera = alignment.T_imu_sensor;
-  calibration.camera_time_offset_s = alignment.time_offset_s;
-  startNodes(alignment, calibration, &window);
-  const TimeNs offset = toNs(alignment.time_offset_s);
-  const TimeNs first = window.state().nodes.front().stamp, last = window.state().nodes.back().stamp;
-  for (VisualKeyframe& keyframe : explored) {
-    const TimeNs stamp = keyframe.stamp + offset;
-    if (stamp < first) continue;
-    if (stamp > last) window.extendTo(stamp);
-    window.addFrame(thinTracks(keyframe, params.track_rate_hz));
-    unreported.push_back(std::move(keyframe));
-  }
-  explored.clear();
-  for (int round = 0; round < kStartRounds; ++round) {
-    window.relink(false, 0.0);
-    window.optimize(kStartIterations);
-    window.learnNoise();
-  }
-  started = true;
-  last_solve = window.state().nodes.back().stamp;
-  diagnostics.stage = "refining";
-  publish();
-}
-
-void VisualInertialCalibrator::Impl::solve() {
-  last_solve = window.state().nodes.back().stamp;
-  window.relink(false, 0.0);
-  if (window.optimize(kIterations).failed) ++diagnostics.counts["failed solves"];
-  const TimeNs oldest = last_solve - toNs(params.window_s);
-  if (window.state().nodes.front().stamp < oldest && !window.marginalizeBefore(oldest)) {
-    ++diagnostics.counts["failed marginalizations"];
-  }
-  publish();
-}
-
-void VisualInertialCalibrator::Impl::publish() {
-  Matrix14d covariance;
-  if (!window.calibrationCovariance(&covariance)) {
-    ++diagnostics.counts["covariances refused"];
-    return;
-  }
-  const WindowState& state = window.state();
-  estimate.stamp = state.nodes.back().stamp;
-  estimate.calibration = state.calibration;
-  estimate.covariance = covariance;
-  estimate.gyro_bias = state.nodes.back().gyro_bias;
-  estimate.accel_bias = state.nodes.back().accel_bias;
-  estimate.gravity = state.gravity;
-  const CameraGroup& group = *window.camera();
-  estimate.quality.board_views = group.boardViews();
-  estimate.quality.reprojection_rms_px = group.sawBoard() ? group.cornerRms() : group.trackRms();
-  estimate.quality.keyframes = static_cast<int>(state.nodes.size());
-  judgeEstimate(true, false, ObservabilityThresholds(), &estimate, window.cameraScaleUnseen());
-  diagnostics.message = estimate.message;
-}
-
-std::vector<VisualKeyframe> VisualInertialCalibrator::Impl::takeKeyframes() {
-  std::vector<VisualKeyframe> keyframes;
-  const WindowState& state = window.state();
-  const TimeNs offset = toNs(state.calibration.camera_time_offset_s);
-  while (!unreported.empty() && unreported.front().stamp + offset <= last_solve) {
-    VisualKeyframe keyframe = thinTracks(unreported.front(), params.track_rate_hz);
-    const int node = nodeAt(state.nodes, keyframe.stamp + offset);
-    keyframe.state = state.nodes[static_cast<std::size_t>(node)];
-    keyframes.push_back(std::move(keyframe));
-    unreported.pop_front();
-  }
-  return keyframes;
 }
 
 bool VisualInertialCalibrator::isTooSoon(TimeNs stamp) const {
@@ -358,6 +192,7 @@ void VisualInertialCalibrator::reset() {
   m.waiting.clear();
   m.unreported.clear();
   m.last_solve = 0;
+  m.bad_solves = m.hungry_images = 0;
   m.estimate = CalibrationEstimate();
   m.diagnostics.stage = "waiting for imu";
   m.diagnostics.message = m.estimate.message = "waiting for inertial data and pictures";

@@ -32,6 +32,7 @@ void WindowRecord::take(const InertialWindow& live, TimeNs until) {
     }
   }
   if (!started_) return;
+  window_.adoptNoise(live);
   takeMeasurements();
   const std::vector<NavState>& own = window_.state().nodes;
   if (toSeconds(own.back().stamp - own.front().stamp) > kOverhang * length_s_) shorten(live.state().calibration);

@@ -3,23 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "camera_sums.h"
 #include "cocalib/estimation/pose_scatter.h"
 #include "cocalib/factors/point_factors.h"
 #include "cocalib/factors/robust.h"
 
 namespace cocalib {
-
-/// Quadratics over camera poses, summed over all features before they are scattered to the states.
-struct CameraGroup::Sums {
-  explicit Sums(std::size_t frames) : H(frames, Matrix6d::Zero()), b(frames, Vector6d::Zero()), pairs(frames) {}
-  const std::vector<TimedSensorPose>* poses = nullptr;
-  std::vector<Matrix6d> H;
-  std::vector<Vector6d> b;
-  std::vector<std::map<int, Matrix6d>> pairs;  // [i][j], i < j
-  double cost = 0.0;
-  double corner_square_px = 0.0, track_square_px = 0.0;  // mean over both axes
-  std::size_t corners = 0, track_observations = 0;
-};
 
 void CameraGroup::addFrame(const VisualKeyframe& keyframe) {
   const int index = frames();
@@ -62,11 +51,16 @@ void CameraGroup::relink(const WindowState& state, const InertialChain& chain) {
   const TimeNs offset = toNs(state.calibration.camera_time_offset_s);
   for (Frame& frame : frames_) frame.node = nodeAt(state.nodes, frame.stamp + offset);
   const std::vector<TimedSensorPose> poses = cameraPoses(state, chain);
+  std::size_t observations = 0, consistent = 0;
   for (auto& entry : landmarks_) {
     Landmark& landmark = entry.second;
     if (!landmark.ready && landmark.observations.size() >= 3) triangulate(&landmark, poses);
-    if (landmark.ready) gate(&landmark, poses);
+    if (!landmark.ready) continue;
+    gate(&landmark, poses);
+    observations += landmark.observations.size();
+    for (const Observation& o : landmark.observations) consistent += o.used;
   }
+  consistent_share_ = observations > 0 ? static_cast<double>(consistent) / static_cast<double>(observations) : 1.0;
 }
 
 bool CameraGroup::touches(const Landmark& landmark, int end_node) const {
@@ -96,10 +90,12 @@ void CameraGroup::accumulate(const WindowState& state, const InertialChain& chai
     }
   }
   system->cost += sums.cost;
+  if (end_node >= 0) return;
   if (sums.corners > 0) corner_rms_px_ = std::sqrt(sums.corner_square_px / static_cast<double>(sums.corners));
   if (sums.track_observations > 0) {
     track_rms_px_ = std::sqrt(sums.track_square_px / static_cast<double>(sums.track_observations));
   }
+  track_residuals_ = sums.track_noise;
 }
 
 void CameraGroup::addBoard(const WindowState& state, int frame, Sums* sums, ChainSystem* system) const {
@@ -131,9 +127,16 @@ void CameraGroup::addBoard(const WindowState& state, int frame, Sums* sums, Chai
   system->b_global.segment<6>(kB) += b_B;
 }
 
-void CameraGroup::learnCornerSigma() {
+bool CameraGroup::learnNoise() {
   constexpr double kMinSigma_px = 0.04, kMaxSigma_px = 2.0;
+  const double corner_before = params_.corner_sigma_px;
+  const TrackNoise tracks_before = params_.track_noise;
   if (corner_rms_px_ > 0.0) params_.corner_sigma_px = std::clamp(corner_rms_px_, kMinSigma_px, kMaxSigma_px);
+  if (track_residuals_.ready()) params_.track_noise = track_residuals_.estimate(params_.track_noise);
+  const auto differs = [](double a, double b) { return std::abs(a - b) > 0.05 * std::max(a, b); };
+  return differs(corner_before, params_.corner_sigma_px) ||
+         differs(tracks_before.sigma_px, params_.track_noise.sigma_px) ||
+         differs(tracks_before.drift_per_s, params_.track_noise.drift_per_s);
 }
 
 void CameraGroup::dropFront(int end_node) {
@@ -151,131 +154,6 @@ void CameraGroup::dropFront(int end_node) {
   for (auto& entry : landmarks_) {
     for (Observation& o : entry.second.observations) o.frame -= dropped;
   }
-}
-
-// --- landmarks ---------------------------------------------------------------------------------------------------
-
-namespace {
-
-// Weak knowledge of inverse depth: 0.2 +- 1 per metre covers 0.8 m to infinity and keeps far points regular.
-constexpr double kPriorInverseDepth = 0.2;
-constexpr double kPriorInverseDepthSigma = 1.0;
-constexpr double kMinInverseDepth = 1e-3;
-
-Eigen::Vector3d landmarkPoint(const Pose& T_W_A, const Eigen::Vector3d& uv_rho) {
-  return T_W_A * (Eigen::Vector3d(uv_rho.x(), uv_rho.y(), 1.0) / uv_rho.z());
-}
-
-Eigen::Matrix3d landmarkJacobian(const Pose& T_W_A, const Eigen::Vector3d& uv_rho) {
-  const double depth = 1.0 / uv_rho.z();
-  Eigen::Matrix3d J_A;
-  J_A << depth, 0.0, -uv_rho.x() * depth * depth, 0.0, depth, -uv_rho.y() * depth * depth, 0.0, 0.0, -depth * depth;
-  return T_W_A.R() * J_A;
-}
-
-}  // namespace
-
-void CameraGroup::triangulate(Landmark* landmark, const std::vector<TimedSensorPose>& poses) const {
-  Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d b = Eigen::Vector3d::Zero();
-  const Observation& middle = landmark->observations[landmark->observations.size() / 2];
-  landmark->T_W_A = poses[static_cast<std::size_t>(middle.frame)].T_W_S;
-  for (const Observation& o : landmark->observations) {
-    const auto bearing_C = params_.camera.unproject(o.px);
-    if (!bearing_C) return;
-    const Pose& T_W_C = poses[static_cast<std::size_t>(o.frame)].T_W_S;
-    const Eigen::Vector3d ray = T_W_C.q * *bearing_C;
-    const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - ray * ray.transpose();
-    A += across;
-    b += across * (T_W_C.t - landmark->T_W_A.t);
-  }
-  const auto bearing_A = params_.camera.unproject(middle.px);
-  if (!bearing_A || bearing_A->z() < 0.1) return;
-  // Nearly parallel rays tell no depth: start at the prior then, the solve will find what there is to find.
-  const Eigen::LDLT<Eigen::Matrix3d> ldlt(A);
-  double rho = kPriorInverseDepth;
-  if (ldlt.rcond() > 1e-5) {
-    const Eigen::Vector3d p_A = landmark->T_W_A.q.conjugate() * ldlt.solve(b);
-    if (p_A.z() > 0.1 && p_A.z() < 200.0) rho = 1.0 / p_A.z();
-  }
-  landmark->uv_rho << bearing_A->x() / bearing_A->z(), bearing_A->y() / bearing_A->z(), rho;
-  landmark->ready = true;
-}
-
-void CameraGroup::gate(Landmark* landmark, const std::vector<TimedSensorPose>& poses) const {
-  const Eigen::Vector3d p_W = landmarkPoint(landmark->T_W_A, landmark->uv_rho);
-  for (Observation& o : landmark->observations) {
-    const auto f =
-        reprojection(poses[static_cast<std::size_t>(o.frame)].T_W_S, p_W, o.px, params_.track_sigma_px, params_.camera);
-    // Far off now may be fine after the next step: the gate is wide, and an observation may come back.
-    o.used = f && f->r.norm() < 4.0 * params_.gate_sigmas;
-  }
-}
-
-void CameraGroup::addLandmark(Landmark* landmark, Sums* sums) const {
-  Landmark& l = *landmark;
-  const Eigen::Vector3d p_W = landmarkPoint(l.T_W_A, l.uv_rho);
-  const Eigen::Matrix3d J_l = landmarkJacobian(l.T_W_A, l.uv_rho);
-  const double prior = (l.uv_rho.z() - kPriorInverseDepth) / kPriorInverseDepthSigma;
-  Eigen::Matrix3d V = Eigen::Matrix3d::Zero();
-  V(2, 2) = 1.0 / (kPriorInverseDepthSigma * kPriorInverseDepthSigma);
-  Eigen::Vector3d g(0.0, 0.0, prior / kPriorInverseDepthSigma);
-  double cost = 0.5 * prior * prior;
-  l.W.clear();
-  std::vector<std::pair<Matrix6d, Vector6d>> own;
-  for (const Observation& o : l.observations) {
-    if (!o.used) continue;
-    const auto f = static_cast<std::size_t>(o.frame);
-    const auto r = reprojection((*sums->poses)[f].T_W_S, p_W, o.px, params_.track_sigma_px, params_.camera);
-    if (!r) continue;
-    const RobustWeight robust = huber(r->r.squaredNorm(), params_.huber_sigmas);
-    const Eigen::Matrix<double, 2, 3> J = r->J_point * J_l;
-    V.noalias() += robust.weight * J.transpose() * J;
-    g.noalias() += robust.weight * J.transpose() * r->r;
-    l.W.emplace_back(o.frame, robust.weight * r->J_pose.transpose() * J);
-    own.emplace_back(robust.weight * r->J_pose.transpose() * r->J_pose, robust.weight * r->J_pose.transpose() * r->r);
-    cost += robust.cost;
-    sums->track_square_px += 0.5 * r->r.squaredNorm() * params_.track_sigma_px * params_.track_sigma_px;
-  }
-  const Eigen::LLT<Eigen::Matrix3d> llt(V);
-  if (l.W.size() < 2 || llt.info() != Eigen::Success) return;
-  sums->track_observations += l.W.size();
-  sums->cost += cost;
-  l.eliminated = true;
-  l.V_inverse = llt.solve(Eigen::Matrix3d::Identity());
-  l.gradient = g;
-  for (std::size_t a = 0; a < l.W.size(); ++a) {
-    const auto f = static_cast<std::size_t>(l.W[a].first);
-    const Eigen::Matrix<double, 6, 3> W_V = l.W[a].second * l.V_inverse;
-    sums->H[f].noalias() += own[a].first - W_V * l.W[a].second.transpose();
-    sums->b[f].noalias() += own[a].second - W_V * g;
-    for (std::size_t c = a + 1; c < l.W.size(); ++c) {
-      sums->pairs[f].try_emplace(l.W[c].first, Matrix6d::Zero()).first->second.noalias() -=
-          W_V * l.W[c].second.transpose();
-    }
-  }
-}
-
-void CameraGroup::moveLandmarks(const ChainSystem::Step& step) {
-  std::vector<Vector6d> moved(frames_.size());
-  for (std::size_t i = 0; i < frames_.size(); ++i) {
-    moved[i] = poses_[i].J_state * step.nodes[static_cast<std::size_t>(frames_[i].node)] +
-               poses_[i].J_calibration * step.globals.segment<7>(GlobalLayout::kCamera) +
-               poses_[i].J_gravity * step.globals[GlobalLayout::kGravity];
-  }
-  for (auto& entry : landmarks_) {
-    Landmark& l = entry.second;
-    l.previous = l.uv_rho;
-    if (!l.eliminated) continue;
-    Eigen::Vector3d rhs = l.gradient;
-    for (const auto& [frame, W] : l.W) rhs.noalias() += W.transpose() * moved[static_cast<std::size_t>(frame)];
-    l.uv_rho -= l.V_inverse * rhs;
-    l.uv_rho.z() = std::max(l.uv_rho.z(), kMinInverseDepth);
-  }
-}
-
-void CameraGroup::revertLandmarks() {
-  for (auto& entry : landmarks_) entry.second.uv_rho = entry.second.previous;
 }
 
 }  // namespace cocalib

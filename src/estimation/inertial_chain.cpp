@@ -26,7 +26,7 @@ void InertialChain::update(const std::vector<NavState>& nodes, const ImuBuffer& 
     const TimeNs to = last ? std::min(from + toNs(kTailSeconds), imu.lastStamp()) : nodes[k + 1].stamp;
     auto& segment = segments_[k];
     if (segment && segment->start() == from && segment->end() == to && !isFar(*segment, nodes[k])) continue;
-    std::vector<ImuSample> samples = imu.slice(from, to);
+    std::vector<ImuSample> samples = imu.sliceForIntegration(from, to);
     if (samples.size() < 2) {
       // At the very end of the data: hold the last sample for a millisecond.
       samples = {*imu.at(from), *imu.at(from)};

@@ -82,7 +82,7 @@ ResidualSamples collectResiduals(const InertialWindow& window, const ImuNoise& i
   if (const CameraGroup* camera = window.camera()) {
     camera->collectResiduals(window.state(), window.chain(), &samples.corners_px, &samples.tracks_px);
     samples.corner_sigma_px = camera->params().corner_sigma_px;
-    samples.track_sigma_px = camera->params().track_sigma_px;
+    samples.track_sigma_px = camera->params().track_noise.sigma_px;
   }
   if (window.lidar() && window.lidar()->scans() > 0) {
     collectLidar(window, &samples.planes_m);

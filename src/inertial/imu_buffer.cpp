@@ -40,16 +40,41 @@ std::optional<ImuSample> ImuBuffer::at(TimeNs stamp) const {
   return interpolate(*(after - 1), *after, stamp);
 }
 
+std::pair<ImuBuffer::Iterator, ImuBuffer::Iterator> ImuBuffer::between(TimeNs from, TimeNs to) const {
+  const auto first = std::lower_bound(samples_.begin(), samples_.end(), from + 1, isBefore);
+  return {first, std::lower_bound(first, samples_.end(), to, isBefore)};
+}
+
 std::vector<ImuSample> ImuBuffer::slice(TimeNs from, TimeNs to) const {
   if (to <= from || empty() || from < firstStamp() || to > lastStamp()) return {};
-  // The raw samples strictly between the ends: [first, last).
-  const auto first = std::lower_bound(samples_.begin(), samples_.end(), from + 1, isBefore);
-  const auto last = std::lower_bound(first, samples_.end(), to, isBefore);
+  const auto [first, last] = between(from, to);
   std::vector<ImuSample> result;
   result.reserve(static_cast<std::size_t>(last - first) + 2);
   result.push_back(interpolate(*(first - 1), *first, from));
   result.insert(result.end(), first, last);
   result.push_back(interpolate(*(last - 1), *last, to));
+  return result;
+}
+
+ImuSample ImuBuffer::withoutCurvature(Iterator sample) const {
+  constexpr double kMaxUnevenness = 1.2;  // of the spacing to both sides; else there is no second difference
+  ImuSample result = *sample;
+  if (sample == samples_.begin() || sample + 1 == samples_.end()) return result;
+  const ImuSample &before = *(sample - 1), &after = *(sample + 1);
+  const double left = toSeconds(sample->stamp - before.stamp), right = toSeconds(after.stamp - sample->stamp);
+  if (left > kMaxUnevenness * right || right > kMaxUnevenness * left) return result;
+  result.gyro -= (before.gyro - 2.0 * sample->gyro + after.gyro) / 12.0;
+  return result;
+}
+
+std::vector<ImuSample> ImuBuffer::sliceForIntegration(TimeNs from, TimeNs to) const {
+  if (to <= from || empty() || from < firstStamp() || to > lastStamp()) return {};
+  const auto [first, last] = between(from, to);
+  std::vector<ImuSample> result;
+  result.reserve(static_cast<std::size_t>(last - first) + 2);
+  result.push_back(interpolate(withoutCurvature(first - 1), withoutCurvature(first), from));
+  for (auto sample = first; sample != last; ++sample) result.push_back(withoutCurvature(sample));
+  result.push_back(interpolate(withoutCurvature(last - 1), withoutCurvature(last), to));
   return result;
 }
 

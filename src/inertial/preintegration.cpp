@@ -7,11 +7,12 @@
 namespace cocalib {
 namespace {
 
-/// Advances `x` from sample `a` to rate and specific force `b` after dt, by the midpoint rule. dt may be negative.
+/// Advances `x` from sample `a` to rate and specific force `b` after dt, by the trapezoidal rule; an axis that turns
+/// within the step adds (w_a x w_b) dt^2 / 12 to the rotation (coning). dt may be negative.
 ImuIncrement step(const ImuIncrement& x, const ImuSample& a, const ImuSample& b, double dt, const Eigen::Vector3d& bg,
                   const Eigen::Vector3d& ba) {
-  const Eigen::Vector3d w = 0.5 * (a.gyro + b.gyro) - bg;
-  const Eigen::Vector3d phi = w * dt;
+  const Eigen::Vector3d w_a = a.gyro - bg, w_b = b.gyro - bg;
+  const Eigen::Vector3d phi = 0.5 * dt * (w_a + w_b) + dt * dt / 12.0 * w_a.cross(w_b);
   const Eigen::Quaterniond dq = expSo3(phi);
   const Eigen::Vector3d f_a = a.accel - ba, f_b = b.accel - ba;
   const Eigen::Matrix3d R_a = x.q.toRotationMatrix();

@@ -36,7 +36,8 @@ Renderer::Renderer(const Scenario& scenario, const Scene& scene)
       T_I_C_(scenario.camera.T_imu_camera()),
       width_(scenario.camera.width),
       height_(scenario.camera.height),
-      pattern_(scenario.board.geometry()) {
+      pattern_(scenario.board.geometry()),
+      faults_(scenario) {
   const CameraModel camera = scenario.camera.cameraModel();
   corner_rays_.reserve(static_cast<std::size_t>(width_ + 1) * (height_ + 1));
   for (int row = 0; row <= height_; ++row) {
@@ -224,6 +225,7 @@ cv::Mat Renderer::expose(const Trajectory& trajectory, double t) const {
 cv::Mat Renderer::render(const Trajectory& trajectory, int k) const {
   const Scenario::Camera& camera = scenario_.camera;
   cv::Mat image = expose(trajectory, imageTime(scenario_, k));
+  faults_.apply(k, image);
   if (camera.blur_px > 0.0) {
     const int reach = static_cast<int>(std::ceil(4.0 * camera.blur_px));
     cv::GaussianBlur(image, image, cv::Size(2 * reach + 1, 2 * reach + 1), camera.blur_px, camera.blur_px,

@@ -29,6 +29,15 @@ void validateImu(const Scenario::Imu& imu) {
   requireRange("imu.accelerometer_random_walk", imu.accel_bias_walk, 0.0, 0.1, "m/s^3/sqrt(Hz)");
 }
 
+void validateFaults(const Scenario::Camera::Faults& faults) {
+  requireRange("camera.faults.blackout (start)", faults.blackout_start_s, 0.0, 36000.0, "s");
+  requireRange("camera.faults.blackout (length)", faults.blackout_s, 0.0, 36000.0, "s");
+  requireRange("camera.faults.brightness_period", faults.brightness_period_s, 0.0, 60.0, "s (0: never)");
+  requireRange("camera.faults.brightness_factor", faults.brightness_factor, 1.0, 10.0, "");
+  requireRange("camera.faults.dropped", faults.dropped, 0.0, 0.9, "of the pictures");
+  requireRange("camera.faults.moving_object", faults.moving_object, 0.0, 0.8, "of the picture's width");
+}
+
 void validateCamera(const Scenario::Camera& camera) {
   requireRange("camera.rate", camera.rate_hz, 1.0, 200.0, "Hz");
   requireRange("camera.mounting_rpy", camera.mounting_rpy, 6.3, "rad");
@@ -40,6 +49,7 @@ void validateCamera(const Scenario::Camera& camera) {
   requireRange("camera.exposure", camera.exposure_s, 0.0, 0.5 / camera.rate_hz, "s (half a frame)");
   requireRange("camera.line_delay", camera.line_delay_s, 0.0, 0.9 / (camera.rate_hz * camera.height),
                "s (the picture must be read out before the next)");
+  validateFaults(camera.faults);
   requireRange("camera.corner_noise", camera.corner_noise_px, 0.0, 10.0, "px");
   requireRange("camera.track_noise", camera.track_noise_px, 0.0, 10.0, "px");
   requireRange("camera.resolution (width)", camera.width, 64, 4096, "px");

@@ -114,6 +114,18 @@ void readImu(Block block, Scenario& scenario) {
   block.finish();
 }
 
+void readFaults(Block block, Scenario::Camera::Faults& faults) {
+  Eigen::Vector2d blackout(faults.blackout_start_s, faults.blackout_s);
+  block.read("blackout", blackout);
+  faults.blackout_start_s = blackout[0];
+  faults.blackout_s = blackout[1];
+  block.read("brightness_period", faults.brightness_period_s);
+  block.read("brightness_factor", faults.brightness_factor);
+  block.read("dropped", faults.dropped);
+  block.read("moving_object", faults.moving_object);
+  block.finish();
+}
+
 void readCamera(Block block, Scenario::Camera& camera) {
   block.read("present", camera.present);
   block.readTopic("topic", camera.topic);
@@ -138,6 +150,7 @@ void readCamera(Block block, Scenario::Camera& camera) {
   block.read("line_delay", camera.line_delay_s);
   block.readChoice("transport", camera.transport,
                    {{"raw", std::string("raw")}, {"jpeg", std::string("jpeg")}, {"png", std::string("png")}});
+  readFaults(block.block("faults"), camera.faults);
   block.read("corner_noise", camera.corner_noise_px);
   block.read("track_noise", camera.track_noise_px);
   block.finish();

@@ -5,6 +5,7 @@
 #include <opencv2/imgproc.hpp>
 #include <opencv2/video/tracking.hpp>
 #include <stdexcept>
+#include <utility>
 
 #include "cocalib/visual/two_view.h"
 
@@ -26,6 +27,13 @@ constexpr int kCornerBlock = 5;
 // Least gradient of a corner in its weaker direction [grey levels / px], as cv::cornerMinEigenVal scales it.
 constexpr double kMinGradient = 3.0;
 constexpr double kMinCorner = 4.0 * kMinGradient * kMinGradient / (255.0 * 255.0);
+
+std::vector<cv::Mat> pyramidOf(const cv::Mat& gray) {
+  std::vector<cv::Mat> pyramid;
+  cv::buildOpticalFlowPyramid(gray, pyramid, kWindow, kPyramidLevels, true, cv::BORDER_REFLECT_101, cv::BORDER_CONSTANT,
+                              false);  // own copy: the caller may reuse the picture's memory
+  return pyramid;
+}
 
 cv::TermCriteria iterations(int count, double step_px) {
   return cv::TermCriteria(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, count, step_px);
@@ -82,15 +90,14 @@ std::vector<TrackObservation> FeatureTracker::track(const ImageFrame& image,
     reset();
     return {};
   }
-  std::vector<cv::Mat> pyramid;
-  cv::buildOpticalFlowPyramid(image.gray, pyramid, kWindow, kPyramidLevels, true, cv::BORDER_REFLECT_101,
-                              cv::BORDER_CONSTANT, false);  // own copy: the caller may reuse the picture's memory
+  const cv::Mat even = evenOut(image.gray);
+  std::vector<cv::Mat> pyramid = pyramidOf(even);
   if (!tracks_.empty()) {
     rotation_ = R_Cnow_Cprev ? *R_Cnow_Cprev : guessRotation(pyramid);
-    tracks_ = follow(pyramid, R_Cnow_Cprev.has_value());
+    tracks_ = follow(image.gray, pyramid, R_Cnow_Cprev.has_value());
   }
   topUp(image.gray, mask_px);
-  pyramid_ = std::move(pyramid);
+  pyramid_ = even.data == image.gray.data ? std::move(pyramid) : pyramidOf(image.gray);
   std::vector<TrackObservation> observations;
   observations.reserve(tracks_.size());
   for (const Track& track : tracks_) observations.push_back({track.id, {track.px.x, track.px.y}});
@@ -129,8 +136,37 @@ Eigen::Quaterniond FeatureTracker::guessRotation(const std::vector<cv::Mat>& pyr
   return robustRotation(pairs, kRotationRansacPx / camera_.focalPx()).value_or(rotation_);
 }
 
-std::vector<FeatureTracker::Track> FeatureTracker::follow(const std::vector<cv::Mat>& pyramid,
-                                                          bool rotation_known) const {
+cv::Mat FeatureTracker::evenOut(const cv::Mat& gray) {
+  constexpr double kStep = 0.1;         // less is left to the tracker, which bears it
+  constexpr double kMinContrast = 8.0;  // grey levels; a picture with less shows nothing to follow
+  cv::Scalar mean, contrast;
+  cv::meanStdDev(gray, mean, contrast);
+  const double mean_before = std::exchange(mean_, mean[0]), contrast_before = std::exchange(contrast_, contrast[0]);
+  if (tracks_.empty() || contrast_ < kMinContrast || contrast_before < kMinContrast) return gray;
+  const double factor = contrast_before / contrast_;
+  if (std::abs(std::log(factor)) < kStep) return gray;
+  cv::Mat even;
+  gray.convertTo(even, CV_8UC1, factor, mean_before - factor * mean_);
+  return even;
+}
+
+bool FeatureTracker::measure(const cv::Mat& gray, Track* track) {
+  const Eigen::Vector2d followed(track->px.x, track->px.y);
+  if (const auto place = track->patch->find(gray, {followed, track->A})) {
+    track->A = place->A;
+    track->px = cv::Point2f(place->center.cast<float>().x(), place->center.cast<float>().y());
+    return true;
+  }
+  const auto patch = ReferencePatch::cut(gray, followed);
+  if (!patch) return false;
+  track->patch = std::make_shared<const ReferencePatch>(*patch);
+  track->A.setIdentity();
+  track->id = next_id_++;
+  return true;
+}
+
+std::vector<FeatureTracker::Track> FeatureTracker::follow(const cv::Mat& gray, const std::vector<cv::Mat>& pyramid,
+                                                          bool rotation_known) {
   std::vector<cv::Point2f> before, now = predict(tracks_);
   for (const Track& track : tracks_) before.push_back(track.px);
   std::vector<cv::Point2f> back = before;
@@ -144,11 +180,15 @@ std::vector<FeatureTracker::Track> FeatureTracker::follow(const std::vector<cv::
   for (std::size_t i = 0; i < before.size(); ++i) {
     if (!found[i] || !found_back[i]) continue;
     if (!(cv::norm(back[i] - before[i]) <= params_.max_forward_backward_px)) continue;
-    const Eigen::Vector2d px(now[i].x, now[i].y);
-    if (!camera_.inImage(px, kBorderPx)) continue;
+    if (!camera_.inImage({now[i].x, now[i].y}, kBorderPx)) continue;
+    Track track = tracks_[i];
+    track.px = now[i];
+    if (!measure(gray, &track)) continue;
+    const Eigen::Vector2d px(track.px.x, track.px.y);
     const auto bearing = camera_.unproject(px);
-    if (!bearing) continue;
-    tracks.push_back({tracks_[i].id, now[i], *bearing});
+    if (!camera_.inImage(px, kBorderPx) || !bearing) continue;
+    track.bearing = *bearing;
+    tracks.push_back(track);
     pairs.a.push_back(tracks_[i].bearing);
     pairs.b.push_back(*bearing);
   }
@@ -229,8 +269,9 @@ void FeatureTracker::topUpCell(const cv::Mat& gray, const cv::Rect& cell, std::s
     });
     if (crowded) continue;
     const auto bearing = camera_.unproject({px.x, px.y});
-    if (!bearing) continue;
-    tracks_.push_back({next_id_++, px, *bearing});
+    const auto patch = ReferencePatch::cut(gray, {px.x, px.y});
+    if (!bearing || !patch) continue;
+    tracks_.push_back({next_id_++, px, *bearing, std::make_shared<const ReferencePatch>(*patch)});
     --wanted;
   }
 }

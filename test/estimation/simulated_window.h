@@ -68,7 +68,7 @@ class SimulatedWindow {
       out.camera.emplace(scenario.camera.cameraModel());
       out.camera->board = scenario.board.geometry();
       out.camera->corner_sigma_px = scenario.camera.corner_noise_px;
-      out.camera->track_sigma_px = scenario.camera.track_noise_px;
+      out.camera->track_noise.sigma_px = scenario.camera.track_noise_px;
     }
     if (use.lidar) {
       out.lidar = LidarGroup::Params();

@@ -38,6 +38,8 @@ TEST(Scenario, ErrorsNameFileKeyAndWhatIsAllowed) {
   expectError("camera: {intrinsics: [-1, 460, 375, 239]}", {"some.yaml", "camera"});
   expectError("board: {width: 0.5}", {"some.yaml", "board.width", "[0.9, 3] m"});
   expectError("duration: .nan", {"some.yaml", "duration"});
+  expectError("camera: {faults: {dropped: 2}}", {"some.yaml", "camera.faults.dropped", "[0, 0.9]"});
+  expectError("camera: {faults: {blackout: 3}}", {"some.yaml", "camera.faults.blackout", "2 numbers"});
   expectError("camera: 3", {"some.yaml", "camera"});
   expectError("camera: {topic: ''}", {"some.yaml", "camera.topic"});
   expectError("camera: {rate: 50", {"some.yaml", "line"});
@@ -55,9 +57,10 @@ TEST(Scenario, MissingFileIsNamed) {
 
 TEST(Scenario, EveryShippedScenarioLoads) {
   const std::set<std::string> names = {
-      "table1_full", "table1_mild",   "planar", "upright", "rotation_only", "translation_only", "static", "time_offsets",
-      "upside_down", "sideways",      "ouster32",        "ouster64",      "ouster128",        "hesai",  "robosense",
-      "livox",       "no_time_field", "rolling_shutter", "motion_blur",   "compressed",       "lidar_only",      "building"};
+      "table1_full", "table1_mild",  "planar",      "upright",  "rotation_only", "translation_only",
+      "static",      "time_offsets", "upside_down", "sideways", "ouster32",      "ouster64",
+      "ouster128",   "hesai",        "robosense",   "livox",    "no_time_field", "rolling_shutter",
+      "motion_blur", "compressed",   "lidar_only",  "building", "picture_faults"};
   for (const std::string& name : names) {
     const Scenario scenario = loadScenario("cfg/scenarios/" + name + ".yaml");
     EXPECT_EQ(scenario.name, name);

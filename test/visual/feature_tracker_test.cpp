@@ -81,8 +81,30 @@ TEST(FeatureTracker, TracksStayOnTheirPointsWithAndWithoutTheGyro) {
     }
     std::sort(drift_px.begin(), drift_px.end());
     EXPECT_GT(static_cast<double>(tracked), 0.75 * static_cast<double>(total));
-    EXPECT_LT(drift_px[drift_px.size() / 2], 0.7);
-    EXPECT_LT(drift_px[drift_px.size() * 99 / 100], 2.5);
+    // Each is measured against the picture it began in: what is left is the noise of two patches.
+    EXPECT_LT(drift_px[drift_px.size() / 2], 0.15);
+    EXPECT_LT(drift_px[drift_px.size() * 99 / 100], 1.0);
+  }
+}
+
+TEST(FeatureTracker, BearsStepsOfTheBrightness) {
+  FeatureTracker tracker(kCamera, {});
+  std::vector<TrackObservation> before;
+  const double levels[] = {1.0, 0.5, 0.9, 0.45, 1.0};
+  for (int k = 0; k < 5; ++k) {
+    cv::Mat picture = sky().picture(attitude(k), k);
+    picture.convertTo(picture, -1, levels[k]);
+    std::optional<Eigen::Quaterniond> R_Cnow_Cprev;
+    if (k > 0) R_Cnow_Cprev = attitude(k).conjugate() * attitude(k - 1);
+    const auto tracks = tracker.track({k * 50000000LL, picture}, R_Cnow_Cprev);
+    std::size_t kept = 0;
+    for (const TrackObservation& old : before) {
+      kept += std::any_of(tracks.begin(), tracks.end(), [&](const auto& track) { return track.id == old.id; });
+    }
+    if (k > 0) {
+      EXPECT_GT(static_cast<double>(kept), 0.6 * static_cast<double>(before.size())) << k;
+    }
+    before = tracks;
   }
 }
 

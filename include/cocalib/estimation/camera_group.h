@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "cocalib/estimation/inertial_chain.h"
+#include "cocalib/estimation/track_noise.h"
 #include "cocalib/factors/timed_sensor_pose.h"
 #include "cocalib/sensors/camera_model.h"
 
@@ -22,9 +23,11 @@ class CameraGroup {
     CameraModel camera;
     std::optional<BoardGeometry> board;
     double corner_sigma_px = 0.1;
-    double track_sigma_px = 0.7;
-    double huber_sigmas = 2.0;  ///< residual, in sigmas, from which a feature counts linearly
-    double gate_sigmas = 5.0;   ///< residual, in sigmas, beyond which an observation is left out
+    TrackNoise track_noise;
+    /// Tracks differ, by their texture and by how they are seen: each has a scale of its own about the common one,
+    /// known as well as from so many residuals.
+    double track_freedom = 8.0;
+    double gate_sigmas = 5.0;  ///< residual, in sigmas, beyond which a corner counts linearly; tracks: four times that
     /// A longer track goes on as a new landmark: every landmark couples all states between its first and last
     /// observation, and what a tenth observation adds does not pay for that.
     std::size_t max_track_observations = 10;
@@ -47,13 +50,22 @@ class CameraGroup {
   /// Forgets everything that accumulate(.., end_node, ..) used, and renumbers the nodes.
   void dropFront(int end_node);
 
-  /// Replaces the assumed noise of a corner by the RMS found: noise is measured, not believed. Bounded below, because
-  /// errors of the lens model, which are common to a whole view, do not average out as noise does.
-  void learnCornerSigma();
+  /// Replaces the assumed noise of corners and tracks by what the residuals of the last accumulate() of everything
+  /// show: noise is measured, not believed. A corner's is bounded below, because errors of the lens model, which are
+  /// common to a whole view, do not average out as noise does. @return whether it changed by more than a
+  /// twentieth
+  bool learnNoise();
+  /// Starts from the noise that another group has learnt.
+  void adoptNoise(const CameraGroup& other) {
+    params_.corner_sigma_px = other.params_.corner_sigma_px;
+    params_.track_noise = other.params_.track_noise;
+  }
 
   /// RMS reprojection error of corners and tracks at the last accumulate(), per axis [px].
   double cornerRms() const { return corner_rms_px_; }
   double trackRms() const { return track_rms_px_; }
+  /// Share of the track observations that the last relink() found within the gate; 1 where there are none.
+  double consistentShare() const { return consistent_share_; }
   /// First frame with a board, with the pose of its camera: a start for the board landmark.
   std::optional<std::pair<TimeNs, BoardObservation>> firstBoardView() const;
   const Params& params() const { return params_; }
@@ -91,7 +103,14 @@ class CameraGroup {
   void gate(Landmark* landmark, const std::vector<TimedSensorPose>& poses) const;
   std::vector<TimedSensorPose> cameraPoses(const WindowState& state, const InertialChain& chain) const;
   void addBoard(const WindowState& state, int frame, Sums* sums, ChainSystem* system) const;
+  /// Residuals and Jacobians of a landmark's observations.
+  struct Views;
+  bool view(const Landmark& landmark, const std::vector<TimedSensorPose>& poses, Views* views) const;
+  /// Applies the noise, which observations share.
+  void weigh(Views* views) const;
   void addLandmark(Landmark* landmark, Sums* sums) const;
+  /// Eliminates the landmark and adds what its views then say of the poses.
+  bool eliminate(const Views& views, double weight, Landmark* landmark, Sums* sums) const;
 
   Params params_;
   std::vector<Frame> frames_;
@@ -100,6 +119,8 @@ class CameraGroup {
   std::uint64_t next_landmark_ = 0;
   std::vector<TimedSensorPose> poses_;  // at the last accumulate()
   double corner_rms_px_ = 0.0, track_rms_px_ = 0.0;
+  double consistent_share_ = 1.0;
+  TrackNoiseEstimator track_residuals_;  // of the last accumulate() of everything
 };
 
 }  // namespace cocalib

@@ -81,11 +81,16 @@ class InertialWindow {
   /// @param all_points      every lidar point: for a last round, at twice the cost
   void relink(bool rebuild_planes, double slack_m, bool all_points = false);
 
-  /// Sets the noise of corners and ranges to what their residuals show; call it after optimize() and before
+  /// Sets the noise of corners, tracks and ranges to what their residuals show; call it after optimize() and before
   /// marginalizing.
   void learnNoise() {
-    if (camera_ && camera_->sawBoard()) camera_->learnCornerSigma();
+    if (camera_ && camera_->learnNoise()) solved_.reset();  // its information was that of another noise
     if (lidar_) lidar_->learnRangeNoise();
+  }
+
+  /// Starts from the noise of corners and tracks that another window has learnt.
+  void adoptNoise(const InertialWindow& other) {
+    if (camera_ && other.camera_) camera_->adoptNoise(*other.camera_);
   }
 
   struct Summary {

@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <deque>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "cocalib/measurements/measurements.h"
@@ -33,6 +34,11 @@ class ImuBuffer {
   /// ones between. Empty if the buffer does not cover the interval, or `to` <= `from`.
   std::vector<ImuSample> slice(TimeNs from, TimeNs to) const;
 
+  /// As slice(), with every rate lessened by a twelfth of its second difference: the trapezoidal rule over these is
+  /// exact to the third order of the spacing h (Euler-Maclaurin), while over raw rates it loses (w h)^2 / 12 of a turn
+  /// that swings with w rad/s. That is 3e-5 at 1.2 Hz and 400 Hz: a tenth of a millimetre of a camera's position.
+  std::vector<ImuSample> sliceForIntegration(TimeNs from, TimeNs to) const;
+
   /// Longest time between two neighbouring samples that reach into [from, to] [s]; infinite if the buffer does not
   /// cover the interval.
   double longestGap(TimeNs from, TimeNs to) const;
@@ -43,6 +49,11 @@ class ImuBuffer {
   const std::deque<ImuSample>& samples() const { return samples_; }
 
  private:
+  using Iterator = std::deque<ImuSample>::const_iterator;
+  /// Samples strictly between the ends: [first, second).
+  std::pair<Iterator, Iterator> between(TimeNs from, TimeNs to) const;
+  ImuSample withoutCurvature(Iterator sample) const;
+
   double keep_s_;
   std::deque<ImuSample> samples_;
 };

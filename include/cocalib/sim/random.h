@@ -12,7 +12,7 @@ namespace cocalib::sim {
 class Random {
  public:
   /// What the numbers are for; streams of the same seed are independent.
-  enum class Stream : std::uint64_t { kMotion = 1, kBias, kImu, kRange, kTracks, kCorners, kTexture, kPixels };
+  enum class Stream : std::uint64_t { kMotion = 1, kBias, kImu, kRange, kTracks, kCorners, kTexture, kPixels, kFaults };
 
   Random(std::uint64_t seed, Stream stream, std::uint64_t index = 0) {
     std::uint64_t x = mix(mix(seed) ^ mix(static_cast<std::uint64_t>(stream) << 32U) ^ mix(~index));

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "cocalib/sim/appearance.h"
+#include "cocalib/sim/picture_faults.h"
 #include "cocalib/sim/scenario.h"
 #include "cocalib/sim/scene.h"
 #include "cocalib/sim/trajectory.h"
@@ -21,7 +22,7 @@ class Renderer {
   /// @throws std::invalid_argument if the camera sees 85 deg or more off its axis
   Renderer(const Scenario& scenario, const Scene& scene);
 
-  /// Picture k (CV_8UC1) with the scenario's motion blur, rolling shutter, lens blur and noise.
+  /// Picture k (CV_8UC1) with the scenario's motion blur, rolling shutter, faults, lens blur and noise.
   cv::Mat render(const Trajectory& trajectory, int k) const;
 
   /// A sharp picture from a fixed pose, CV_32FC1, without blur or noise.
@@ -57,6 +58,7 @@ class Renderer {
   std::vector<Eigen::Vector2f> corner_rays_, center_rays_;  // (x/z, y/z)
   std::vector<Texture> textures_;                           // one for each rectangle but the board
   BoardPattern pattern_;
+  PictureFaults faults_;
   std::vector<float> noise_;  // white, unit variance; each row of a picture begins somewhere in it
 };
 

@@ -78,6 +78,14 @@ struct Scenario {
     double line_delay_s = 0.0;                          ///< > 0: rolling shutter; the stamp is that of the middle row
     std::string transport = "raw";                      ///< "raw" | "jpeg" | "png"
     std::string topic = "/camera/image_raw", info_topic = "/camera/camera_info", frame = "camera_optical_frame";
+    /// What goes wrong with the pictures; corners and tracks made without pictures know nothing of it.
+    struct Faults {
+      double blackout_start_s = 0.0, blackout_s = 0.0;  ///< pictures are black for so long
+      double brightness_period_s = 0.0;                 ///< > 0: the brightness steps to another level this often
+      double brightness_factor = 2.0;                   ///< levels lie between 1 / factor and factor times the scene's
+      double dropped = 0.0;                             ///< share of the pictures that are lost
+      double moving_object = 0.0;                       ///< share of the width behind something that moves by itself
+    } faults;
     double corner_noise_px = 0.15;  ///< measurement-level corners only, 1 sigma per axis
     double track_noise_px = 0.7;    ///< measurement-level tracks only, 1 sigma per axis
 

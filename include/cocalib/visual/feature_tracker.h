@@ -1,5 +1,6 @@
 #pragma once
 
+#include <memory>
 #include <opencv2/core/mat.hpp>
 #include <opencv2/core/types.hpp>
 #include <optional>
@@ -7,12 +8,15 @@
 
 #include "cocalib/measurements/measurements.h"
 #include "cocalib/sensors/camera_model.h"
+#include "cocalib/visual/patch_alignment.h"
 
 namespace cocalib {
 
-/// Grid-balanced KLT tracks of natural features, predicted by the gyro once the mounting is known.
-/// Outliers go by an epipolar RANSAC (over the direction of translation alone where the rotation is given).
-/// Not thread-safe. Deterministic, whatever OpenCV's number of threads. Never throws on data.
+/// Grid-balanced KLT tracks of natural features, predicted by the gyro once the mounting is known. KLT leads from
+/// picture to picture; the position is then measured against the picture in which the track began, so that errors do
+/// not add up. A track whose surroundings look different by now ends, and a new one begins in its place. Steps of the
+/// brightness are made up for. Outliers go by an epipolar RANSAC (over the direction of translation alone where the
+/// rotation is given). Not thread-safe. Deterministic, whatever OpenCV's number of threads. Never throws on data.
 class FeatureTracker {
  public:
   struct Params {
@@ -40,13 +44,19 @@ class FeatureTracker {
     std::uint32_t id = 0;
     cv::Point2f px;
     Eigen::Vector3d bearing;  // unit, in the camera frame
+    std::shared_ptr<const ReferencePatch> patch;
+    Eigen::Matrix2d A = Eigen::Matrix2d::Identity();  // how the patch appears
   };
 
   /// Where the tracks should be now, by rotation_.
   std::vector<cv::Point2f> predict(const std::vector<Track>& tracks) const;
   /// Rotation since the previous picture from some of the tracks, starting from the last one.
   Eigen::Quaterniond guessRotation(const std::vector<cv::Mat>& pyramid) const;
-  std::vector<Track> follow(const std::vector<cv::Mat>& pyramid, bool rotation_known) const;
+  std::vector<Track> follow(const cv::Mat& gray, const std::vector<cv::Mat>& pyramid, bool rotation_known);
+  /// Moves a track from where KLT leaves it to where its reference says; false where neither is of use.
+  bool measure(const cv::Mat& gray, Track* track);
+  /// The picture as bright as the previous one, where the brightness has stepped; otherwise itself.
+  cv::Mat evenOut(const cv::Mat& gray);
   void topUp(const cv::Mat& gray, const std::vector<Eigen::Vector2f>& mask_px);
   void topUpCell(const cv::Mat& gray, const cv::Rect& cell, std::size_t wanted, const std::vector<cv::Point2f>& mask);
 
@@ -54,6 +64,7 @@ class FeatureTracker {
   Params params_;
   std::vector<Track> tracks_;                                     // in the previous picture
   std::vector<cv::Mat> pyramid_;                                  // of the previous picture
+  double mean_ = 0.0, contrast_ = 0.0;                            // of its grey levels
   Eigen::Quaterniond rotation_ = Eigen::Quaterniond::Identity();  // R_Cnow_Cprev, given or guessed
   std::uint32_t next_id_ = 0;
   int next_cell_ = 0;  // where topUp() goes on

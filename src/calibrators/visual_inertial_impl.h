@@ -1,0 +1,84 @@
+#pragma once
+
+#include <deque>
+#include <string>
+
+#include "cocalib/calibrators/visual_inertial_calibrator.h"
+#include "cocalib/estimation/inertial_window.h"
+#include "cocalib/inertial/imu_inbox.h"
+#include "cocalib/initialization/alignment.h"
+#include "cocalib/visual/board_detector.h"
+#include "cocalib/visual/feature_tracker.h"
+
+namespace cocalib {
+
+/// Front end, start and window; visual_inertial_calibrator.cpp and visual_inertial_window.cpp implement it.
+struct VisualInertialCalibrator::Impl {
+  static constexpr int kStarving = 10;  // pictures in a row with few features, before it says so
+
+  Impl(const VisualInertialParams& p, const ImuNoise& noise, const CameraModel& model,
+       const std::optional<BoardGeometry>& b, const std::optional<Pose>& g)
+      : params(p),
+        guess(g),
+        camera(model),
+        board(b),
+        tracker(model, FeatureTracker::Params()),
+        window(windowParams(noise, model, b)) {
+    if (!board) return;
+    // A search costs as much as twenty tracked pictures; once the window predicts the board there is nothing left to
+    // search.
+    BoardDetector::Params detection;
+    detection.search_period_s = 0.8;
+    detector.emplace(*board, camera, detection);
+  }
+  static InertialWindow::Params windowParams(const ImuNoise& noise, const CameraModel& model,
+                                             const std::optional<BoardGeometry>& board) {
+    InertialWindow::Params out;
+    out.imu_noise = noise;
+    out.camera.emplace(model);
+    out.camera->board = board;
+    return out;
+  }
+
+  // What comes in.
+  bool comesInOrder(TimeNs stamp) const { return !last_image || stamp > *last_image; }
+  std::vector<VisualKeyframe> keyframesAfterAdvance();
+  VisualKeyframe look(const ImageFrame& image);
+  std::optional<Eigen::Quaterniond> predictRotation(TimeNs stamp) const;
+  void predictBoard(TimeNs stamp);
+  bool coveredByImu(TimeNs stamp) const;
+  void advance();
+  void take(VisualKeyframe keyframe);
+  // What is made of it (visual_inertial_window.cpp).
+  bool tryToStart();
+  void startWindow(const Alignment& alignment);
+  void solve();
+  bool solveWindow();
+  void restart(const std::string& reason);
+  void publish();
+  bool starving() const { return hungry_images >= kStarving; }
+  void say();
+  std::vector<VisualKeyframe> takeKeyframes();
+
+  VisualInertialParams params;
+  std::optional<Pose> guess;
+  CameraModel camera;
+  std::optional<BoardGeometry> board;
+  std::optional<BoardDetector> detector;
+  FeatureTracker tracker;
+  InertialWindow window;
+  ImuInbox inbox;
+  bool started = false;
+  std::optional<TimeNs> last_image, last_tracks;
+  std::deque<ImageFrame> images;        // that wait for inertial data,
+  std::deque<VisualKeyframe> explored;  // before the start, newest initialization_s
+  std::optional<TimeNs> last_try;
+  std::deque<VisualKeyframe> waiting;  // and measurements that do
+  std::deque<VisualKeyframe> unreported;
+  TimeNs last_solve = 0;
+  int bad_solves = 0, hungry_images = 0;  // in a row
+  CalibrationEstimate estimate;
+  CalibratorDiagnostics diagnostics;
+};
+
+}  // namespace cocalib

@@ -1,0 +1,157 @@
+// Start and window of the VisualInertialCalibrator.
+
+#include <utility>
+
+#include "cocalib/calibrators/camera_exploration.h"
+#include "cocalib/calibrators/window_start.h"
+#include "cocalib/estimation/observability.h"
+#include "visual_inertial_impl.h"
+
+namespace cocalib {
+namespace {
+
+constexpr double kFirstTry_s = 3.0;  // of pictures, before the first attempt at a mounting
+constexpr double kTryPeriod_s = 1.0;
+constexpr double kOpenShare = 0.8;  // of initialization_s without success, before a part may stay open
+constexpr int kStartRounds = 3;
+constexpr int kStartIterations = 8;
+constexpr int kIterations = 3;
+constexpr int kMaxBadSolves = 3;        // in a row, before it starts over
+constexpr double kMinConsistent = 0.5;  // share of the observations that the states explain
+
+}  // namespace
+
+bool VisualInertialCalibrator::Impl::tryToStart() {
+  if (explored.empty()) return false;
+  const TimeNs now = explored.back().stamp;
+  if (toSeconds(now - explored.front().stamp) < kFirstTry_s) return false;
+  if (last_try && toSeconds(now - *last_try) < kTryPeriod_s) return false;
+  last_try = now;
+  std::string reason;
+  const CameraExploration exploration(camera, board);
+  const std::vector<VisualKeyframe> frames(explored.begin(), explored.end());
+  auto alignment = exploration.align(window.imu(), frames, &reason);
+  if (!alignment && toSeconds(now - frames.front().stamp) >= kOpenShare * params.initialization_s) {
+    alignment = exploration.alignOpenly(window.imu(), frames, guess, &reason);
+    const bool imu_there = !window.imu().empty() && window.imu().firstStamp() <= now;
+    if (!alignment && imu_there && exploration.seesEnough(frames)) {
+      estimate = unseenEstimate(Sensor::kCamera, guess);
+      estimate.stamp = now;
+      estimate.duration_s = toSeconds(now - frames.front().stamp);
+    }
+  }
+  if (!alignment) {
+    diagnostics.stage = "waiting for motion";
+    diagnostics.message = estimate.message = reason;
+    return false;
+  }
+  returnUnseenToPrior(&*alignment);
+  startWindow(*alignment);
+  return true;
+}
+
+void VisualInertialCalibrator::Impl::startWindow(const Alignment& alignment) {
+  Calibration calibration;
+  calibration.T_imu_camera = alignment.T_imu_sensor;
+  calibration.camera_time_offset_s = alignment.time_offset_s;
+  startNodes(alignment, calibration, &window);
+  const TimeNs offset = toNs(alignment.time_offset_s);
+  const TimeNs first = window.state().nodes.front().stamp, last = window.state().nodes.back().stamp;
+  for (VisualKeyframe& keyframe : explored) {
+    const TimeNs stamp = keyframe.stamp + offset;
+    if (stamp < first) continue;
+    if (stamp > last) window.extendTo(stamp);
+    window.addFrame(thinTracks(keyframe, params.track_rate_hz));
+    unreported.push_back(std::move(keyframe));
+  }
+  explored.clear();
+  for (int round = 0; round < kStartRounds; ++round) {
+    window.relink(false, 0.0);
+    window.optimize(kStartIterations);
+    window.learnNoise();
+  }
+  started = true;
+  last_solve = window.state().nodes.back().stamp;
+  diagnostics.stage = "refining";
+  publish();
+}
+
+/// Whether the states explain the pictures after it.
+bool VisualInertialCalibrator::Impl::solveWindow() {
+  window.relink(false, 0.0);
+  if (window.optimize(kIterations).failed) return false;
+  window.learnNoise();
+  return window.camera()->consistentShare() >= kMinConsistent;
+}
+
+void VisualInertialCalibrator::Impl::solve() {
+  last_solve = window.state().nodes.back().stamp;
+  if (solveWindow()) {
+    bad_solves = 0;
+  } else {
+    ++diagnostics.counts["failed solves"];
+    if (++bad_solves >= kMaxBadSolves) return restart("the pictures contradict the inertial data");
+  }
+  const TimeNs oldest = last_solve - toNs(params.window_s);
+  if (window.state().nodes.front().stamp < oldest && !window.marginalizeBefore(oldest)) {
+    ++diagnostics.counts["failed marginalizations"];
+  }
+  publish();
+}
+
+/// Looks for the mounting anew, as if nothing were known.
+void VisualInertialCalibrator::Impl::restart(const std::string& reason) {
+  ++diagnostics.counts["restarts after failure"];
+  started = false;
+  bad_solves = 0;
+  last_try.reset();
+  explored.clear();
+  unreported.clear();
+  estimate = CalibrationEstimate();
+  diagnostics.stage = "starting over";
+  diagnostics.message = estimate.message = "starting over: " + reason;
+}
+
+void VisualInertialCalibrator::Impl::publish() {
+  Matrix14d covariance;
+  if (!window.calibrationCovariance(&covariance)) {
+    ++diagnostics.counts["covariances refused"];
+    return;
+  }
+  const WindowState& state = window.state();
+  estimate.stamp = state.nodes.back().stamp;
+  estimate.calibration = state.calibration;
+  estimate.covariance = covariance;
+  estimate.gyro_bias = state.nodes.back().gyro_bias;
+  estimate.accel_bias = state.nodes.back().accel_bias;
+  estimate.gravity = state.gravity;
+  const CameraGroup& group = *window.camera();
+  estimate.quality.board_views = group.boardViews();
+  estimate.quality.reprojection_rms_px = group.sawBoard() ? group.cornerRms() : group.trackRms();
+  estimate.quality.keyframes = static_cast<int>(state.nodes.size());
+  judgeEstimate(true, false, ObservabilityThresholds(), &estimate, window.cameraScaleUnseen());
+  say();
+}
+
+/// The estimate's words, unless the pictures are the trouble.
+void VisualInertialCalibrator::Impl::say() {
+  diagnostics.message = starving()
+                            ? "the pictures show too few features to follow: more light or more texture is needed"
+                            : estimate.message;
+}
+
+std::vector<VisualKeyframe> VisualInertialCalibrator::Impl::takeKeyframes() {
+  std::vector<VisualKeyframe> keyframes;
+  const WindowState& state = window.state();
+  const TimeNs offset = toNs(state.calibration.camera_time_offset_s);
+  while (!unreported.empty() && unreported.front().stamp + offset <= last_solve) {
+    VisualKeyframe keyframe = thinTracks(unreported.front(), params.track_rate_hz);
+    const int node = nodeAt(state.nodes, keyframe.stamp + offset);
+    keyframe.state = state.nodes[static_cast<std::size_t>(node)];
+    keyframes.push_back(std::move(keyframe));
+    unreported.pop_front();
+  }
+  return keyframes;
+}
+
+}  // namespace cocalib

@@ -1,0 +1,61 @@
+#include "cocalib/estimation/track_noise.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+namespace cocalib {
+namespace {
+
+constexpr double kMinSigma_px = 0.02, kMaxSigma_px = 5.0;
+// Drift so fast that hardly anything is white would make neighbouring observations one and the same number.
+constexpr double kMaxDrift_per_s = 200.0;
+
+}  // namespace
+
+Eigen::MatrixXd TrackNoise::information(const std::vector<double>& times_s) const {
+  const auto n = static_cast<Eigen::Index>(times_s.size());
+  if (drift_per_s <= 0.0) return Eigen::MatrixXd::Identity(n, n);
+  Eigen::MatrixXd C(n, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    for (Eigen::Index j = i; j < n; ++j) C(i, j) = C(j, i) = drift_per_s * times_s[static_cast<std::size_t>(i)];
+    C(i, i) += 1.0;
+  }
+  return C.llt().solve(Eigen::MatrixXd::Identity(n, n));
+}
+
+void TrackNoiseEstimator::add(const std::vector<double>& times_s, const std::vector<Eigen::Vector2d>& residuals_px,
+                              double weight) {
+  ++tracks_;
+  const auto compare = [&](std::size_t lag, Differences* out) {
+    for (std::size_t i = 0; i + lag < times_s.size(); ++i) {
+      out->squares += 0.5 * weight * (residuals_px[i + lag] - residuals_px[i]).squaredNorm();
+      out->seconds += weight * (times_s[i + lag] - times_s[i]);
+      out->weight += weight;
+    }
+  };
+  compare(1, &near_);
+  compare(kFar, &far_);
+}
+
+void TrackNoiseEstimator::addWhitened(double squared, double expected, double weight) {
+  squared_ += weight * squared;
+  expected_ += expected;
+}
+
+TrackNoise TrackNoiseEstimator::estimate(const TrackNoise& in_use) const {
+  TrackNoise out = in_use;
+  if (near_.weight > 0.0 && far_.weight > 0.0) {
+    // E |r_j - r_i|^2 per axis = 2 sigma^2 + sigma^2 drift (t_j - t_i)
+    const double slope = std::max(0.0, (far_.mean() - near_.mean()) / (far_.span() - near_.span()));
+    const double white = 0.5 * (near_.mean() - slope * near_.span());
+    out.drift_per_s = slope > 0.0 ? slope / std::max(white, slope / kMaxDrift_per_s) : 0.0;
+  }
+  // The size follows from all residuals together, and so holds whatever the differences miss.
+  if (expected_ > 0.0) {
+    out.sigma_px = std::clamp(in_use.sigma_px * std::sqrt(squared_ / expected_), kMinSigma_px, kMaxSigma_px);
+  }
+  return out;
+}
+
+}  // namespace cocalib
