@@ -1,29 +1,18 @@
 #include "cocalib/calibrators/convergence_judge.h"
 
-#include <cmath>
+#include "cocalib/estimation/observability.h"
 
 namespace cocalib {
-namespace {
-
-constexpr double kLongestForecast_s = 3600.0;
-
-}  // namespace
 
 void ConvergenceJudge::judge(const CalibrationEstimate& camera_alone, const CalibrationEstimate& lidar_alone,
                              bool camera_scale_unseen, CalibrationEstimate* joint) {
-  const ObservabilityThresholds thresholds;
-  judgeEstimate(camera_, lidar_, thresholds, joint, camera_scale_unseen);
+  judgeEstimate(camera_, lidar_, ObservabilityThresholds(), joint, camera_scale_unseen);
   history_.add(*joint);
-  if (joint->status == Status::kConverged) {
-    const std::string why_not = doubt(camera_alone, lidar_alone, *joint);
-    if (why_not.empty()) return;
-    joint->status = Status::kConverging;
-    joint->message = why_not;
-  } else if (joint->status == Status::kConverging) {
-    const double seconds = secondsToConverge(*joint, camera_, lidar_, thresholds);
-    if (seconds <= 0.0 || seconds > kLongestForecast_s) return;
-    joint->message += "; about " + std::to_string(static_cast<int>(std::ceil(seconds))) + " s more of such motion";
-  }
+  if (joint->status != Status::kConverged) return;
+  const std::string why_not = doubt(camera_alone, lidar_alone, *joint);
+  if (why_not.empty()) return;
+  joint->status = Status::kConverging;
+  joint->message = why_not;
 }
 
 std::vector<int> ConvergenceJudge::estimatedRows() const {

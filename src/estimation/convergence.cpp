@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <limits>
 
 namespace cocalib {
 namespace {
@@ -75,22 +74,6 @@ std::optional<std::string> disagreement(const CalibrationEstimate& part, const C
   (d.array().abs() / (spread.diagonal().array().max(0.0) + kTolerance * kTolerance).sqrt()).maxCoeff(&worst);
   const int row = rows[static_cast<std::size_t>(worst)];
   return describe(row, whole[row]);
-}
-
-double secondsToConverge(const CalibrationEstimate& estimate, bool camera, bool lidar,
-                         const ObservabilityThresholds& thresholds) {
-  double ratio = 0.0;
-  bool observable = true;
-  const auto look = [&](const SensorVerdict& verdict) {
-    observable = observable && verdict.valid && verdict.unobservable.empty();
-    ratio = std::max(ratio, verdict.sigma.head<3>().maxCoeff() / thresholds.converged_translation_m);
-    ratio = std::max(ratio, verdict.sigma.tail<3>().maxCoeff() / thresholds.converged_rotation_rad);
-    ratio = std::max(ratio, verdict.time_offset_sigma_s / thresholds.converged_time_offset_s);
-  };
-  if (camera) look(estimate.camera);
-  if (lidar) look(estimate.lidar);
-  if (!observable) return std::numeric_limits<double>::infinity();
-  return estimate.duration_s * std::max(0.0, ratio * ratio - 1.0);
 }
 
 void EstimateHistory::add(const CalibrationEstimate& estimate) {

@@ -68,20 +68,6 @@ TEST(Disagreement, LetsAWeakStartBeAnywhere) {
   EXPECT_FALSE(disagreement(start, all, allRows()));
 }
 
-TEST(SecondsToConverge, FollowsTheSquareRootOfTime) {
-  ObservabilityThresholds thresholds;
-  CalibrationEstimate e = estimateWith(2.0 * thresholds.converged_translation_m, 1e-4, 1e-5);
-  e.duration_s = 10.0;
-  judgeEstimate(true, true, thresholds, &e);
-  EXPECT_NEAR(secondsToConverge(e, true, true, thresholds), 30.0, 1e-9);  // half the sigma: four times the data
-  e = estimateWith(1.0, 1e-4, 1e-5);
-  judgeEstimate(true, true, thresholds, &e);
-  EXPECT_TRUE(std::isinf(secondsToConverge(e, true, true, thresholds)));
-  e = estimateWith(1e-4, 1e-5, 1e-6);
-  judgeEstimate(true, true, thresholds, &e);
-  EXPECT_EQ(secondsToConverge(e, true, true, thresholds), 0.0);
-}
-
 TEST(EstimateHistory, FindsTheHalfHoweverLongTheRun) {
   EstimateHistory history;
   EXPECT_EQ(history.half(), nullptr);

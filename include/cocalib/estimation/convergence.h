@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "cocalib/estimation/estimate.h"
-#include "cocalib/estimation/observability.h"
 
 namespace cocalib {
 
@@ -17,11 +16,6 @@ namespace cocalib {
 /// words
 std::optional<std::string> disagreement(const CalibrationEstimate& part, const CalibrationEstimate& all,
                                         const std::vector<int>& rows);
-
-/// How much more data like that so far brings every sigma below its threshold [s]: sigma falls as 1 / sqrt(time).
-/// 0 if they are; infinite where an axis is unobservable.
-double secondsToConverge(const CalibrationEstimate& estimate, bool camera, bool lidar,
-                         const ObservabilityThresholds& thresholds);
 
 /// Estimates over time, thinned as they grow, so that the one at half of the data can be asked for.
 class EstimateHistory {
