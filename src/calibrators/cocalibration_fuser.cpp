@@ -10,6 +10,7 @@
 #include "cocalib/calibrators/state_hints.h"
 #include "cocalib/calibrators/window_record.h"
 #include "cocalib/estimation/inertial_window.h"
+#include "cocalib/estimation/observability.h"
 #include "cocalib/inertial/imu_inbox.h"
 
 namespace cocalib {
