@@ -133,7 +133,9 @@ TEST(Conversions, JointEstimateRoundTrip) {
 
 TEST(Conversions, SubCalibrationCarriesOnlyItsOwnBlocks) {
   const CalibrationEstimate estimate = someEstimate();
-  const ExtrinsicEstimate msg = toExtrinsicMsg(estimate, SensorPart::kLidar, {"refining", "", {}}, {});
+  CalibratorDiagnostics diagnostics;
+  diagnostics.stage = "refining";
+  const ExtrinsicEstimate msg = toExtrinsicMsg(estimate, SensorPart::kLidar, diagnostics, {});
   EXPECT_EQ(msg.stage, "refining");
   EXPECT_EQ(msg.child_frame_id, "lidar_link");
   const CalibrationEstimate back = fromExtrinsicMsg(msg, SensorPart::kLidar);
