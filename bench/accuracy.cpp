@@ -1,14 +1,12 @@
 // Monte Carlo of the calibration's accuracy: errors over many seeds against the estimators' own covariance.
 #include <algorithm>
-#include <boost/program_options.hpp>
 #include <cmath>
 #include <cstdio>
-#include <exception>
 #include <fstream>
-#include <iostream>
 #include <string>
 #include <vector>
 
+#include "program.h"
 #include "statistics.h"
 #include "trial.h"
 
@@ -92,7 +90,7 @@ class Report {
   std::ofstream csv_;
 };
 
-int run(const Arguments& a) {
+void run(const Arguments& a) {
   Report report(a);
   if (!a.results.empty()) {
     for (std::size_t i = 0; i + 1 < a.results.size(); i += 2) {
@@ -112,25 +110,11 @@ int run(const Arguments& a) {
     }
   }
   report.print();
-  return 0;
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
   Arguments arguments;
-  try {
-    const po::options_description options = describe(&arguments);
-    po::variables_map values;
-    po::store(po::parse_command_line(argc, argv, options), values);
-    if (values.count("help") > 0) {
-      std::cout << options << '\n';
-      return 0;
-    }
-    po::notify(values);
-    return run(arguments);
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "bench_accuracy: %s\n", error.what());
-    return 1;
-  }
+  return bench::runProgram("bench_accuracy", argc, argv, describe(&arguments), [&] { run(arguments); });
 }

@@ -1,15 +1,13 @@
 // Motion that leaves a part of the calibration open: is it flagged, is it never called converged, does the truth lie
 // within the stated sigma, and how well is the rest found? One table row for each case and sensor, over many seeds.
 #include <algorithm>
-#include <boost/program_options.hpp>
 #include <cmath>
 #include <cstdio>
-#include <exception>
-#include <iostream>
 #include <set>
 #include <string>
 #include <vector>
 
+#include "program.h"
 #include "trial.h"
 
 namespace {
@@ -173,19 +171,5 @@ void run(const Arguments& a) {
 
 int main(int argc, char** argv) {
   Arguments arguments;
-  try {
-    const po::options_description options = describe(&arguments);
-    po::variables_map values;
-    po::store(po::parse_command_line(argc, argv, options), values);
-    if (values.count("help") > 0) {
-      std::cout << options << '\n';
-      return 0;
-    }
-    po::notify(values);
-    run(arguments);
-    return 0;
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "bench_degenerate: %s\n", error.what());
-    return 1;
-  }
+  return bench::runProgram("bench_degenerate", argc, argv, describe(&arguments), [&] { run(arguments); });
 }

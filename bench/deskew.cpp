@@ -3,13 +3,9 @@
 #include <sys/resource.h>
 
 #include <Eigen/Cholesky>
-#include <boost/program_options.hpp>
 #include <cmath>
 #include <cstdio>
-#include <ctime>
-#include <exception>
 #include <fstream>
-#include <iostream>
 #include <optional>
 #include <string>
 #include <vector>
@@ -20,6 +16,7 @@
 #include "cocalib/sim/lidar.h"
 #include "cocalib/sim/scene.h"
 #include "cocalib/sim/trajectory.h"
+#include "program.h"
 
 namespace {
 
@@ -42,12 +39,6 @@ po::options_description describe(Arguments* a) {
       "fuser", po::bool_switch(&a->fuser), "with the fuser behind it, and its feedback")("csv", po::value(&a->csv),
                                                                                          "write the lines there too");
   return options;
-}
-
-double processCpu() {
-  timespec t{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
 }
 
 double residentMegabytes() {
@@ -106,22 +97,22 @@ class Run {
     for (int k = 0; k < sim::scanCount(scenario_); ++k) {
       const sim::SimulatedScan sweep = sim::simulateScan(scenario_, *scene_, *trajectory_, k);
       const TimeNs arrives = trajectory_->stampOf((k + 1) / scenario_.lidar.rate_hz + 0.003);
-      const double begin = processCpu();
+      const double begin = bench::processCpu();
       for (; next_imu < imu.size() && imu[next_imu].stamp <= arrives; ++next_imu) {
         calibrator_->addImu(imu[next_imu]);
         if (with_fuser_) fuser_->addImu(imu[next_imu]);
       }
       take(calibrator_->addScan(sweep.scan));
-      cpu_s_ += processCpu() - begin;
+      cpu_s_ += bench::processCpu() - begin;
       sweeps_.push_back(sweep);
       if (sweeps_.size() > 12) sweeps_.erase(sweeps_.begin());
       measureDeskew();
       if ((k + 1) % per_second == 0) printLine((k + 1) / scenario_.lidar.rate_hz);
     }
-    const double begin = processCpu();
+    const double begin = bench::processCpu();
     take(calibrator_->flush());
     if (with_fuser_) fuser_->finish();
-    cpu_s_ += processCpu() - begin;
+    cpu_s_ += bench::processCpu() - begin;
     printLine(scenario_.duration_s);
     const CalibratorDiagnostics diagnostics = with_fuser_ ? fuser_->diagnostics() : calibrator_->diagnostics();
     for (const auto& [what, number] : diagnostics.counts) {
@@ -223,19 +214,5 @@ class Run {
 
 int main(int argc, char** argv) {
   Arguments arguments;
-  try {
-    const po::options_description options = describe(&arguments);
-    po::variables_map values;
-    po::store(po::parse_command_line(argc, argv, options), values);
-    if (values.count("help") > 0) {
-      std::cout << options << '\n';
-      return 0;
-    }
-    po::notify(values);
-    Run(arguments).run();
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "bench_deskew: %s\n", error.what());
-    return 1;
-  }
-  return 0;
+  return bench::runProgram("bench_deskew", argc, argv, describe(&arguments), [&] { Run(arguments).run(); });
 }

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <ctime>
 #include <limits>
 #include <optional>
 #include <stdexcept>
@@ -19,17 +18,12 @@
 #include "cocalib/sim/imu.h"
 #include "cocalib/sim/lidar.h"
 #include "cocalib/sim/scene.h"
+#include "program.h"
 
 namespace cocalib::bench {
 namespace {
 
 constexpr TimeNs kNever = std::numeric_limits<TimeNs>::max();
-
-double processCpu() {
-  timespec t{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
 
 YAML::Node loadYaml(const std::string& path) {
   try {
