@@ -162,6 +162,22 @@ std::optional<Turning> observeTurning(const ImuBuffer& imu, const std::vector<Re
   return Turning{std::move(pairs), std::move(*gyro), spread};
 }
 
+/// The turning and the rotation and clock that explain it best; nothing, and why, if none is beyond doubt.
+struct FoundRotation {
+  Turning turning;
+  RotationSearch search;
+};
+
+std::optional<FoundRotation> findRotation(const ImuBuffer& imu, const std::vector<RelativeSensorRotation>& rotations,
+                                          const RotationInitializerParams& params, std::string* why) {
+  auto turning = observeTurning(imu, rotations, params, why);
+  if (!turning) return std::nullopt;
+  if (*why = missingMotion(turning->spread, params); !why->empty()) return std::nullopt;
+  RotationSearch search = searchRotation(turning->gyro, turning->pairs, params.max_time_offset_s);
+  if (*why = searchDoubt(search, turning->pairs, turning->spread); !why->empty()) return std::nullopt;
+  return FoundRotation{std::move(*turning), std::move(search)};
+}
+
 }  // namespace
 
 std::optional<RotationInitialization> initializeRotation(const ImuBuffer& imu,
@@ -172,17 +188,14 @@ std::optional<RotationInitialization> initializeRotation(const ImuBuffer& imu,
     if (reason != nullptr) *reason = why;
     return std::nullopt;
   };
-  const auto turning = observeTurning(imu, rotations, params, &why);
-  if (!turning) return refuse();
-  if (why = missingMotion(turning->spread, params); !why.empty()) return refuse();
-  const RotationSearch search = searchRotation(turning->gyro, turning->pairs, params.max_time_offset_s);
-  if (why = searchDoubt(search, turning->pairs, turning->spread); !why.empty()) return refuse();
-  auto result = refineRotation(imu, turning->pairs, search.best);
+  const auto found = findRotation(imu, rotations, params, &why);
+  if (!found) return refuse();
+  auto result = refineRotation(imu, found->turning.pairs, found->search.best);
   if (!result) {
     why = "the imu does not cover the sensor's rotations: check the clocks of both";
     return refuse();
   }
-  result->second_singular_value = turning->spread.second_singular;
+  result->second_singular_value = found->turning.spread.second_singular;
   if (why = resultDoubt(*result, params); !why.empty()) return refuse();
   return result;
 }
@@ -190,26 +203,23 @@ std::optional<RotationInitialization> initializeRotation(const ImuBuffer& imu,
 std::optional<AxisRotation> rotationAboutOneAxis(const ImuBuffer& imu,
                                                  const std::vector<RelativeSensorRotation>& rotations,
                                                  const RotationInitializerParams& params, std::string* reason) {
-  std::string why;
-  const auto refuse = [reason, &why] {
-    if (reason != nullptr) *reason = why;
-    return std::nullopt;
-  };
-  const auto turning = observeTurning(imu, rotations, params, &why);
-  if (!turning) return refuse();
   RotationInitializerParams one_axis = params;
   one_axis.min_singular_value = 0.0;
-  if (why = missingMotion(turning->spread, one_axis); !why.empty()) return refuse();
-  const RotationSearch search = searchRotation(turning->gyro, turning->pairs, params.max_time_offset_s);
-  if (why = searchDoubt(search, turning->pairs, turning->spread); !why.empty()) return refuse();
-
+  std::string why;
+  const auto found = findRotation(imu, rotations, one_axis, &why);
+  if (!found) {
+    if (reason != nullptr) *reason = why;
+    return std::nullopt;
+  }
+  const RateSpread& spread = found->turning.spread;
+  const auto& best = found->search.best;
   AxisRotation result;
-  result.axis_imu = turning->spread.main_axis;
-  result.rotation.R_imu_sensor = search.best.R_imu_sensor;
-  result.rotation.time_offset_s = search.best.time_offset_s;
-  result.rotation.gyro_bias = search.best.gyro_bias;
-  result.rotation.median_residual_rad = search.best.residual_rad;
-  result.rotation.second_singular_value = turning->spread.second_singular;
+  result.axis_imu = spread.main_axis;
+  result.rotation.R_imu_sensor = best.R_imu_sensor;
+  result.rotation.time_offset_s = best.time_offset_s;
+  result.rotation.gyro_bias = best.gyro_bias;
+  result.rotation.median_residual_rad = best.residual_rad;
+  result.rotation.second_singular_value = spread.second_singular;
   return result;
 }
 
