@@ -8,6 +8,7 @@
 #include "cocalib/calibrators/keyframe_queues.h"
 #include "cocalib/calibrators/separate_estimates.h"
 #include "cocalib/calibrators/state_hints.h"
+#include "cocalib/calibrators/window_estimate.h"
 #include "cocalib/calibrators/window_record.h"
 #include "cocalib/estimation/inertial_window.h"
 #include "cocalib/estimation/observability.h"
@@ -164,7 +165,7 @@ bool CoCalibrationFuser::wantsSolve() const {
   const auto until = m.horizon();
   if (!until) return false;
   if (!m.started) return toSeconds(*until - m.hints().states().front().stamp) >= m.params.first_solve_s;
-  return toSeconds(*until - m.solved_until) >= m.params.solve_period_s;
+  return isDue(*until, m.solved_until, m.params.solve_period_s);
 }
 
 bool CoCalibrationFuser::Impl::start() {
@@ -288,20 +289,12 @@ void CoCalibrationFuser::finish(const std::function<void(double)>& progress) {
 }
 
 void CoCalibrationFuser::Impl::publish(InertialWindow* from) {
-  const WindowState& state = from->state();
-  Matrix14d covariance;
-  if (!from->calibrationCovariance(&covariance)) {
+  if (!readEstimate(from, &estimate)) {
     ++diagnostics.counts["covariances refused"];
     return;
   }
   published = from;
-  estimate.stamp = state.nodes.back().stamp;
-  estimate.duration_s = toSeconds(state.nodes.back().stamp - first_stamp);
-  estimate.calibration = state.calibration;
-  estimate.covariance = covariance;
-  estimate.gyro_bias = state.nodes.back().gyro_bias;
-  estimate.accel_bias = state.nodes.back().accel_bias;
-  estimate.gravity = state.gravity;
+  estimate.duration_s = toSeconds(estimate.stamp - first_stamp);
   estimate.quality.keyframes = keyframes;
   if (const CameraGroup* camera = from->camera()) {
     estimate.quality.board_views = board_views;

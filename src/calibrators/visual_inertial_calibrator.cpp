@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "cocalib/calibrators/camera_exploration.h"
+#include "cocalib/calibrators/window_estimate.h"
 #include "visual_inertial_impl.h"
 
 namespace cocalib {
@@ -152,7 +153,7 @@ void VisualInertialCalibrator::Impl::take(VisualKeyframe keyframe) {
   window.extendTo(keyframe.stamp + offset);
   window.addFrame(thinTracks(keyframe, params.track_rate_hz));
   unreported.push_back(std::move(keyframe));
-  if (toSeconds(window.state().nodes.back().stamp - last_solve) >= params.solve_period_s) solve();
+  if (isDue(window.state().nodes.back().stamp, last_solve, params.solve_period_s)) solve();
 }
 
 bool VisualInertialCalibrator::isTooSoon(TimeNs stamp) const {

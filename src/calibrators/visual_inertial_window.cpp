@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "cocalib/calibrators/camera_exploration.h"
+#include "cocalib/calibrators/window_estimate.h"
 #include "cocalib/calibrators/window_start.h"
 #include "cocalib/estimation/observability.h"
 #include "visual_inertial_impl.h"
@@ -93,9 +94,7 @@ void VisualInertialCalibrator::Impl::solve() {
     if (++bad_solves >= kMaxBadSolves) return restart("the pictures contradict the inertial data");
   }
   const TimeNs oldest = last_solve - toNs(params.window_s);
-  if (window.state().nodes.front().stamp < oldest && !window.marginalizeBefore(oldest)) {
-    ++diagnostics.counts["failed marginalizations"];
-  }
+  if (!window.marginalizeBefore(oldest)) ++diagnostics.counts["failed marginalizations"];
   publish();
 }
 
@@ -113,22 +112,14 @@ void VisualInertialCalibrator::Impl::restart(const std::string& reason) {
 }
 
 void VisualInertialCalibrator::Impl::publish() {
-  Matrix14d covariance;
-  if (!window.calibrationCovariance(&covariance)) {
+  if (!readEstimate(&window, &estimate)) {
     ++diagnostics.counts["covariances refused"];
     return;
   }
-  const WindowState& state = window.state();
-  estimate.stamp = state.nodes.back().stamp;
-  estimate.calibration = state.calibration;
-  estimate.covariance = covariance;
-  estimate.gyro_bias = state.nodes.back().gyro_bias;
-  estimate.accel_bias = state.nodes.back().accel_bias;
-  estimate.gravity = state.gravity;
   const CameraGroup& group = *window.camera();
   estimate.quality.board_views = group.boardViews();
   estimate.quality.reprojection_rms_px = group.sawBoard() ? group.cornerRms() : group.trackRms();
-  estimate.quality.keyframes = static_cast<int>(state.nodes.size());
+  estimate.quality.keyframes = static_cast<int>(window.state().nodes.size());
   judgeEstimate(true, false, ObservabilityThresholds(), &estimate, window.cameraScaleUnseen());
   say();
 }
