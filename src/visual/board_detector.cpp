@@ -14,6 +14,7 @@ namespace {
 constexpr double kMaxCoastS = 0.5;        // how long a motion is extrapolated without a view
 constexpr double kMaxMotionGapS = 0.3;    // between two views from which a velocity is taken
 constexpr double kUnknownRollRad = 0.12;  // tried both ways: 2.4 rad/s at 20 pictures a second
+constexpr double kPatience = 5.0;         // how much rarer searches are where the caller predicts the board
 constexpr double kShiftSquares = 2.0;     // by how much a prediction may be off
 constexpr int kCoarseIterations = 5, kFineIterations = 8;
 constexpr double kCoarseTolerancePx = 0.15, kFineTolerancePx = 0.01;
@@ -72,7 +73,9 @@ std::optional<BoardObservation> BoardDetector::detect(const ImageFrame& image,
       found = measure(image.gray, T_C_B, kShiftSquares);
       if (found) break;
     }
-    const bool due = !last_search_ || toSeconds(image.stamp - *last_search_) >= params_.search_period_s;
+    // Where its place is known, a board that was not found there is most likely hidden or too oblique.
+    const double period_s = params_.search_period_s * (predicted_T_C_B_ ? kPatience : 1.0);
+    const bool due = !last_search_ || toSeconds(image.stamp - *last_search_) >= period_s;
     if (!found && due && (predictions.empty() || !outOfView(predictions.front()))) {
       last_search_ = image.stamp;
       found = search(image.gray);

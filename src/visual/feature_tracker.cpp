@@ -172,9 +172,9 @@ std::vector<FeatureTracker::Track> FeatureTracker::follow(const cv::Mat& gray, c
   std::vector<cv::Point2f> back = before;
   std::vector<std::uint8_t> found, found_back;
   cv::calcOpticalFlowPyrLK(pyramid_, pyramid, before, now, found, cv::noArray(), kWindow, kPredictedLevels,
-                           iterations(20, 0.01), cv::OPTFLOW_USE_INITIAL_FLOW, kMinEigenvalue);
+                           iterations(10, 0.03), cv::OPTFLOW_USE_INITIAL_FLOW, kMinEigenvalue);
   cv::calcOpticalFlowPyrLK(pyramid, pyramid_, now, back, found_back, cv::noArray(), kWindow, kBackwardLevels,
-                           iterations(10, 0.02), cv::OPTFLOW_USE_INITIAL_FLOW, kMinEigenvalue);
+                           iterations(10, 0.05), cv::OPTFLOW_USE_INITIAL_FLOW, kMinEigenvalue);
   std::vector<Track> tracks;
   BearingPairs pairs;
   for (std::size_t i = 0; i < before.size(); ++i) {
