@@ -18,7 +18,7 @@ constexpr double kUnknownOutline = 0.05;  // m, 1 sigma, where the rig file give
 constexpr double kFirstLambda = 1e-10, kMinLambda = 1e-12, kMaxLambda = 1e8;
 constexpr double kNegligible = 1e-2;  // decrease of the cost: a seventh of a sigma of one parameter
 constexpr double kInvisible = 1e-3;
-constexpr double kStaleShare = 0.3;  // of the scans in the window that may be newer than its planes
+constexpr double kMinKnown = 0.9;  // share of the points on planes, over what it was when the planes were found
 
 void addDiagonalPrior(ChainSystem* system, int column, double error, double sigma) {
   const double w = 1.0 / (sigma * sigma);
@@ -106,10 +106,15 @@ void InertialWindow::relink(bool rebuild_planes, double slack_m, bool all_points
   if (rebuild_planes) rebuildPlanes();
   lidar_->link(state_, chain_, plane_map_, linked_scans_, slack_m, board_known_, all_points);
   linked_scans_ = lidar_->scans();
+  if (rebuild_planes) share_on_planes_ = lidar_->shareOnPlanes(0, linked_scans_);
 }
 
 bool InertialWindow::planesAreStale() const {
-  return lidar_ && scans_since_planes_ > static_cast<int>(kStaleShare * lidar_->scans());
+  if (!lidar_ || scans_since_planes_ == 0) return false;
+  const int first_since = lidar_->scans() - scans_since_planes_;
+  if (first_since <= 0) return true;
+  const int linked_since = linked_scans_ - first_since;
+  return linked_since > 0 && lidar_->shareOnPlanes(first_since, linked_scans_) < kMinKnown * share_on_planes_;
 }
 
 std::size_t InertialWindow::planesInUse() const {
@@ -134,11 +139,12 @@ std::vector<std::optional<Plane>> InertialWindow::retirePlanes() {
 
 void InertialWindow::rebuildPlanes() {
   const auto landmarks = prior_ ? retirePlanes() : std::vector<std::optional<Plane>>();
-  constexpr std::size_t kMapPoints = 2000000;  // enough for sub-millimetre planes, a fraction of a second
+  // The first planes are those that everything starts from; later ones only join what is known.
+  const std::size_t wanted = prior_ ? 400000 : 2000000;
   plane_map_.clear();
   const auto total =
       static_cast<std::size_t>(lidar_->scans()) * std::max<std::size_t>(1, lidar_->scan(0).points.size());
-  lidar_->fillMap(state_, chain_, 0, static_cast<std::uint32_t>(total / kMapPoints) + 1, &plane_map_);
+  lidar_->fillMap(state_, chain_, 0, static_cast<std::uint32_t>(total / wanted) + 1, &plane_map_);
   plane_map_.extract(landmarks);
   state_.planes = plane_map_.planes();
   for (std::size_t i = 0; prior_ && i < state_.planes.size(); ++i) {

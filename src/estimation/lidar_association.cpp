@@ -11,6 +11,8 @@
 namespace cocalib {
 namespace {
 
+constexpr double kBoardSurround_m = 0.6;  // looked at beyond the plate's corners: what makes it free-standing
+
 struct BinnedPoint {
   int bin;
   int index;
@@ -20,21 +22,23 @@ struct BinnedPoint {
 /// order).
 std::vector<BinnedPoint> sortIntoBins(const LidarScan& scan, double bin_s) {
   constexpr double kMaxBins = 4096.0;  // 16 s: no sweep is longer, and what lies about its time costs no memory
-  const auto binOf = [&](const LidarPoint& point) {
-    const double bin = point.offset_s / bin_s;
-    return bin > 0.0 && bin < kMaxBins ? static_cast<std::size_t>(bin) : std::size_t{0};
-  };
-  std::size_t bins = 0;
-  for (const LidarPoint& point : scan.points) bins = std::max(bins, binOf(point) + 1);
-  std::vector<std::size_t> place(bins + 1, 0);
-  for (const LidarPoint& point : scan.points) ++place[binOf(point) + 1];
-  for (std::size_t bin = 1; bin <= bins; ++bin) place[bin] += place[bin - 1];
+  const double per_s = 1.0 / bin_s;
   std::vector<BinnedPoint> binned(scan.points.size());
+  int bins = 0;
+  bool in_order = true;
   for (std::size_t i = 0; i < scan.points.size(); ++i) {
-    const std::size_t bin = binOf(scan.points[i]);
-    binned[place[bin]++] = {static_cast<int>(bin), static_cast<int>(i)};
+    const double bin = scan.points[i].offset_s * per_s;
+    binned[i] = {bin > 0.0 && bin < kMaxBins ? static_cast<int>(bin) : 0, static_cast<int>(i)};
+    in_order = in_order && binned[i].bin + 1 >= bins;
+    bins = std::max(bins, binned[i].bin + 1);
   }
-  return binned;
+  if (in_order) return binned;
+  std::vector<std::size_t> place(static_cast<std::size_t>(bins) + 1, 0);
+  for (const BinnedPoint& point : binned) ++place[static_cast<std::size_t>(point.bin) + 1];
+  for (std::size_t bin = 1; bin < place.size(); ++bin) place[bin] += place[bin - 1];
+  std::vector<BinnedPoint> sorted(binned.size());
+  for (const BinnedPoint& point : binned) sorted[place[static_cast<std::size_t>(point.bin)]++] = point;
+  return sorted;
 }
 
 /// Whether a point is one of about one in `stride`. Not every so-many-th: that would pick whole rings.
@@ -45,6 +49,20 @@ bool isChosen(int index, std::uint32_t stride) {
 std::uint32_t strideFor(std::size_t points, std::size_t wanted) {
   return wanted == 0 ? 1 : static_cast<std::uint32_t>((points + wanted - 1) / std::max<std::size_t>(1, wanted));
 }
+
+/// The directions in which a sphere is seen from the origin.
+class ViewCone {
+ public:
+  ViewCone(const Eigen::Vector3d& centre, double radius_m) : axis_(centre.normalized().cast<float>()) {
+    const double sine = radius_m / centre.norm();
+    cosine_ = sine < 1.0 ? static_cast<float>(std::sqrt(1.0 - sine * sine)) : -1.0F;
+  }
+  bool holds(const Eigen::Vector3f& p) const { return axis_.dot(p) >= cosine_ * p.norm(); }
+
+ private:
+  Eigen::Vector3f axis_;
+  float cosine_;  // of the cone's half angle; from within the sphere everything is seen
+};
 
 void addPoint(const Eigen::Vector3d& p_L, const Eigen::Vector3d& ray_L, double range2, double variance,
               PlanePoints* points) {
@@ -106,11 +124,10 @@ void LidarGroup::link(const WindowState& state, const InertialChain& chain, cons
   const auto linkFrom = [&](std::size_t first, std::size_t stride) {
     for (std::size_t s = first; s < scans_.size(); s += stride) {
       Scan& scan = scans_[s];
-      std::optional<BoardSegment> board;
-      if (board_known && params_.board) board = findBoard(state, chain, scan, slack_m);
-      linkScan(state, chain, map, slack_m, all_points, board, &scan);
+      if (board_known && params_.board) findBoard(state, chain, slack_m, &scan);
+      linkScan(state, chain, map, slack_m, all_points, &scan);
       scan.edges.clear();
-      if (board) linkEdges(state, chain, *board, &scan);
+      if (scan.board) linkEdges(state, chain, *scan.board, &scan);
     }
   };
   // Sweeps do not depend on each other; every other one goes to a second thread.
@@ -120,35 +137,58 @@ void LidarGroup::link(const WindowState& state, const InertialChain& chain, cons
   second.join();
 }
 
-std::optional<BoardSegment> LidarGroup::findBoard(const WindowState& state, const InertialChain& chain,
-                                                  const Scan& scan, double slack_m) const {
-  if (scan.raw->points.empty() || scan.from > 0) return std::nullopt;  // half of a sweep may show half of the board
+void LidarGroup::findBoard(const WindowState& state, const InertialChain& chain, double slack_m, Scan* whole) const {
+  // The board's pose is as uncertain as the estimate; at 3 m a centimetre is about 3 mrad.
+  const double tolerance_m = std::max(slack_m, 0.01), tolerance_rad = std::max(0.3 * slack_m, 0.003);
+  const Scan& scan = *whole;
+  const bool in_part = scan.raw->points.empty() || scan.from > 0;  // half of a sweep may show half of the board
+  if (!in_part && scan.searched_m <= tolerance_m) return;          // the same points would be found again
+  whole->board.reset();
+  if (in_part) return;
+  whole->searched_m = tolerance_m;
   const TimeNs middle = scan.raw->stamp + toNs(0.5 * scan.raw->points.back().offset_s);
   const Pose T_L_W = lidarPose(state, chain, lidarNode(state, middle), middle).T_W_S.inverse();
-  std::vector<Eigen::Vector3f> points_L(scan.raw->points.size());
+  const Pose T_L_B = T_L_W * state.T_W_B;
+  // Only the beams around the plate matter: a tenth of a sweep, or nothing of it.
+  const double reach_m = 0.5 * plateSize(*params_.board).norm() + kBoardSurround_m + slack_m;
+  std::vector<std::pair<int, Eigen::Vector3f>> around;
   forEachBin(state, chain, scan,
              [&](TimeNs, int, const TimedSensorPose& pose, const auto& point, const BinnedPoint* binned,
                  std::size_t begin, std::size_t end) {
                const Pose T_M_L = T_L_W * pose.T_W_S;
+               const ViewCone cone(T_M_L.inverse() * (T_L_B * plateCentre(*params_.board)), reach_m);
                for (std::size_t k = begin; k < end; ++k) {
-                 points_L[static_cast<std::size_t>(binned[k - begin].index)] =
-                     Eigen::Vector3d(T_M_L * point(k)).cast<float>();
+                 const int index = binned[k - begin].index;
+                 if (!cone.holds(scan.raw->points[static_cast<std::size_t>(index)].p)) continue;
+                 around.emplace_back(index, Eigen::Vector3d(T_M_L * point(k)).cast<float>());
                }
              });
-  // The board's pose is as uncertain as the estimate; at 3 m a centimetre is about 3 mrad.
-  return segmentBoard(*scan.raw, points_L, T_L_W * state.T_W_B, *params_.board, params_.range_noise_m,
-                      std::max(slack_m, 0.01), std::max(0.3 * slack_m, 0.003));
+  std::sort(around.begin(), around.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  LidarScan part;
+  part.stamp = scan.raw->stamp;
+  std::vector<Eigen::Vector3f> points_L;
+  for (const auto& [index, p_L] : around) {
+    part.points.push_back(scan.raw->points[static_cast<std::size_t>(index)]);
+    points_L.push_back(p_L);
+  }
+  whole->board =
+      segmentBoard(part, points_L, T_L_B, *params_.board, params_.range_noise_m, tolerance_m, tolerance_rad);
+  if (!whole->board) return;
+  for (int& index : whole->board->points) index = around[static_cast<std::size_t>(index)].first;
+  for (BoardEdgeCrossing& crossing : whole->board->crossings) {
+    crossing.on_index = around[static_cast<std::size_t>(crossing.on_index)].first;
+  }
 }
 
 void LidarGroup::linkScan(const WindowState& state, const InertialChain& chain, const PlaneMap& map, double slack_m,
-                          bool all_points, const std::optional<BoardSegment>& board, Scan* scan) const {
+                          bool all_points, Scan* scan) const {
   constexpr std::int16_t kNone = -1, kOnBoard = -2;
   scan->bins.clear();
   scan->square_m2 = scan->range_square_m2 = 0.0;
-  scan->points = scan->range_points = 0;
+  scan->points = scan->points_seen = scan->range_points = 0;
   scan->plane.assign(scan->raw->points.size(), kNone);
-  if (board) {
-    for (const int index : board->points) scan->plane[static_cast<std::size_t>(index)] = kOnBoard;
+  if (scan->board) {
+    for (const int index : scan->board->points) scan->plane[static_cast<std::size_t>(index)] = kOnBoard;
   }
   const Plane board_W = boardPlane(state.T_W_B);
   const double floor2 = params_.noise_floor_m * params_.noise_floor_m;
@@ -168,6 +208,7 @@ void LidarGroup::linkScan(const WindowState& state, const InertialChain& chain, 
       const Eigen::Vector3d p_W = pose.T_W_S * p_L;
       const Eigen::Vector3d ray_W = pose.T_W_S.q * ray_L;
       const bool on_board = label == kOnBoard;
+      scan->points_seen += !on_board;
       const int plane = on_board ? -1 : map.planeAt(p_W, ray_W);
       if (!on_board && (plane < 0 || plane >= static_cast<int>(state.planes.size()))) continue;
       const Plane& plane_W = on_board ? board_W : state.planes[static_cast<std::size_t>(plane)];

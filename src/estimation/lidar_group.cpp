@@ -117,6 +117,15 @@ std::vector<bool> LidarGroup::planesInUse(std::size_t count) const {
   return used;
 }
 
+double LidarGroup::shareOnPlanes(int first, int end) const {
+  std::size_t on_planes = 0, seen = 0;
+  for (int i = first; i < end; ++i) {
+    on_planes += scans_[static_cast<std::size_t>(i)].points;
+    seen += scans_[static_cast<std::size_t>(i)].points_seen;
+  }
+  return seen > 0 ? static_cast<double>(on_planes) / static_cast<double>(seen) : 0.0;
+}
+
 double LidarGroup::planeRms() const {
   double square = 0.0;
   for (const Scan& scan : scans_) square += scan.square_m2;

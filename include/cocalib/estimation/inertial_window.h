@@ -69,7 +69,8 @@ class InertialWindow {
 
   /// Makes the inertial segments of new nodes, so that poses can be asked for; relink() does it too.
   void updateChain() { chain_.update(state_.nodes, imu_); }
-  /// Whether so many scans have come since the planes were found that new ones may stand around.
+  /// Whether the planes were found in scans that have all left the window, or the scans since then find fewer points
+  /// on them: new ones stand around.
   bool planesAreStale() const;
   /// Associates: inertial segments, frames and landmarks, planes and lidar points.
   ///
@@ -137,6 +138,7 @@ class InertialWindow {
   bool board_known_ = false;
   int linked_scans_ = 0;
   int scans_since_planes_ = 0;
+  double share_on_planes_ = 0.0;  // of the points, when the planes were found
 };
 
 }  // namespace cocalib

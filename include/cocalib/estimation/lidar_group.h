@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -59,6 +60,8 @@ class LidarGroup {
 
   /// Which of the first `count` planes any point was linked to.
   std::vector<bool> planesInUse(std::size_t count) const;
+  /// Share of the points looked at by link() that lie on a plane, over the scans first..end-1.
+  double shareOnPlanes(int first, int end) const;
   /// RMS distance of the linked points to their planes [m], and how many there are.
   double planeRms() const;
   std::size_t linkedPoints() const;
@@ -88,8 +91,10 @@ class LidarGroup {
     std::vector<Bin> bins;
     std::vector<Edge> edges;
     std::vector<std::int16_t> plane;
-    double square_m2 = 0.0;  // of distances to planes
-    std::size_t points = 0;
+    std::optional<BoardSegment> board;
+    double searched_m = std::numeric_limits<double>::infinity();  // how well the board was predicted when looked for
+    double square_m2 = 0.0;
+    std::size_t points = 0, points_seen = 0;  // of distances to planes; and those looked at for it
     double range_square_m2 = 0.0;  // of distances along the ray, board included
     std::size_t range_points = 0;
 
@@ -98,10 +103,10 @@ class LidarGroup {
 
   template <typename Visit>
   void forEachBin(const WindowState& state, const InertialChain& chain, const Scan& scan, Visit&& visit) const;
-  std::optional<BoardSegment> findBoard(const WindowState& state, const InertialChain& chain, const Scan& scan,
-                                        double slack_m) const;
+  /// Finds the board in a scan, unless it was looked for before with as good a prediction.
+  void findBoard(const WindowState& state, const InertialChain& chain, double slack_m, Scan* whole) const;
   void linkScan(const WindowState& state, const InertialChain& chain, const PlaneMap& map, double slack_m,
-                bool all_points, const std::optional<BoardSegment>& board, Scan* scan) const;
+                bool all_points, Scan* scan) const;
   void linkEdges(const WindowState& state, const InertialChain& chain, const BoardSegment& board, Scan* scan) const;
   void accumulateBin(const WindowState& state, const InertialChain& chain, const Bin& bin,
                      const std::vector<Eigen::Matrix<double, 4, 3>>& tangents, ChainSystem* system) const;
