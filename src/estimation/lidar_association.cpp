@@ -171,8 +171,7 @@ void LidarGroup::findBoard(const WindowState& state, const InertialChain& chain,
     part.points.push_back(scan.raw->points[static_cast<std::size_t>(index)]);
     points_L.push_back(p_L);
   }
-  whole->board =
-      segmentBoard(part, points_L, T_L_B, *params_.board, params_.range_noise_m, tolerance_m, tolerance_rad);
+  whole->board = segmentBoard(part, points_L, T_L_B, *params_.board, params_.range_noise_m, tolerance_m, tolerance_rad);
   if (!whole->board) return;
   for (int& index : whole->board->points) index = around[static_cast<std::size_t>(index)].first;
   for (BoardEdgeCrossing& crossing : whole->board->crossings) {

@@ -95,7 +95,7 @@ class LidarGroup {
     double searched_m = std::numeric_limits<double>::infinity();  // how well the board was predicted when looked for
     double square_m2 = 0.0;
     std::size_t points = 0, points_seen = 0;  // of distances to planes; and those looked at for it
-    double range_square_m2 = 0.0;  // of distances along the ray, board included
+    double range_square_m2 = 0.0;             // of distances along the ray, board included
     std::size_t range_points = 0;
 
     void addResidual(double distance_m, double cosine, double floor2);
