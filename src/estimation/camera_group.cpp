@@ -128,7 +128,7 @@ void CameraGroup::addBoard(const WindowState& state, int frame, Sums* sums, Chai
 }
 
 bool CameraGroup::learnNoise() {
-  constexpr double kMinSigma_px = 0.04, kMaxSigma_px = 2.0;
+  constexpr double kMinSigma_px = 0.1, kMaxSigma_px = 2.0;
   const double corner_before = params_.corner_sigma_px;
   const TrackNoise tracks_before = params_.track_noise;
   if (corner_rms_px_ > 0.0) params_.corner_sigma_px = std::clamp(corner_rms_px_, kMinSigma_px, kMaxSigma_px);

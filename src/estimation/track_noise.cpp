@@ -7,7 +7,9 @@
 namespace cocalib {
 namespace {
 
-constexpr double kMinSigma_px = 0.02, kMaxSigma_px = 5.0;
+// Patches on slanted surfaces bend, beyond any affine warp, as the camera nears them: outwards by hundredths of a
+// pixel, and alike all over a room. What tracks share does not average out, so none counts as better than this.
+constexpr double kMinSigma_px = 0.1, kMaxSigma_px = 5.0;
 // Drift so fast that hardly anything is white would make neighbouring observations one and the same number.
 constexpr double kMaxDrift_per_s = 200.0;
 
