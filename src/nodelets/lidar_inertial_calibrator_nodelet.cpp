@@ -7,8 +7,8 @@
 
 #include "cocalib/ros/cloud_messages.h"
 #include "cocalib/ros/lidar_pipeline.h"
+#include "cocalib/ros/marker_messages.h"
 #include "cocalib/ros/nodelet_support.h"
-#include "cocalib/ros/plane_patches.h"
 #include "cocalib/ros/sensor_session.h"
 
 namespace cocalib {
@@ -70,9 +70,10 @@ class LidarInertialNodelet : public nodelet::Nodelet {
     const std::optional<DeskewedCloud> cloud = calibrator.deskewedCloud();
     if (!cloud || cloud->stamp == last_cloud_) return;
     last_cloud_ = cloud->stamp;
-    const std::vector<PlanePatch> patches = fitPatches(*cloud);
+    const std::vector<PlanePatch> patches = fitPatches(cloud->points_W, cloud->plane);
     if (cloud_wanted) {
-      cloud_publisher_.publish(toCloudMsg(*cloud, distancesToPatches(*cloud, patches), FrameNames().world));
+      const std::vector<float> distances = distancesToPatches(cloud->points_W, cloud->plane, patches);
+      cloud_publisher_.publish(toCloudMsg(*cloud, distances, FrameNames().world));
     }
     if (std::abs(toSeconds(cloud->stamp - last_map_)) < kMapPeriodS) return;
     last_map_ = cloud->stamp;

@@ -12,6 +12,7 @@ namespace {
 using visualization_msgs::Marker;
 
 constexpr double kAxisLengthM = 0.3;
+constexpr double kPatchThicknessM = 0.01;
 constexpr double kLeastEllipsoidM = 0.002;  // smaller cannot be seen
 
 /// Every marker lasts until it is replaced and has no stamp of its own: rviz shows it in its frame as it stands now.
@@ -109,6 +110,20 @@ Marker makeArrow(const FrameNames& frames, const Eigen::Vector3d& axis) {
   return arrow;
 }
 
+/// A colour for each number that differs from those of the numbers next to it.
+std_msgs::ColorRGBA colourOf(int number) {
+  const double hue = std::fmod(0.618034 * number, 1.0) * 6.0;
+  const auto part = [hue](double shift) {
+    return static_cast<float>(std::clamp(std::abs(std::fmod(hue + shift, 6.0) - 3.0) - 1.0, 0.0, 1.0));
+  };
+  std_msgs::ColorRGBA colour;
+  colour.r = part(0.0);
+  colour.g = part(4.0);
+  colour.b = part(2.0);
+  colour.a = 0.25F;
+  return colour;
+}
+
 }  // namespace
 
 visualization_msgs::MarkerArray toMarkers(const CalibrationEstimate& estimate, const std::optional<Pose>& T_W_B,
@@ -145,6 +160,27 @@ void addHint(const std::string& words, const std::optional<MotionHint>& hint, co
   for (std::size_t at = 0; (at = text.text.find(": ", at)) != std::string::npos; ++at) text.text.replace(at, 2, ":\n");
   if (text.text.empty()) text.action = Marker::DELETE;
   all->markers.push_back(text);
+}
+
+visualization_msgs::MarkerArray toPatchMarkers(const std::vector<PlanePatch>& patches, TimeNs stamp,
+                                               const std::string& world_frame) {
+  visualization_msgs::MarkerArray all;
+  for (const PlanePatch& patch : patches) {
+    visualization_msgs::Marker marker;
+    marker.header.frame_id = world_frame;
+    marker.header.stamp = toRosTime(stamp);
+    marker.ns = "planes";
+    marker.id = patch.number;
+    marker.type = visualization_msgs::Marker::CUBE;
+    marker.lifetime = ros::Duration(2.0);
+    marker.pose = toPoseMsg(patch.T_W_P);
+    marker.scale.x = std::max(patch.length_m, kPatchThicknessM);
+    marker.scale.y = std::max(patch.width_m, kPatchThicknessM);
+    marker.scale.z = kPatchThicknessM;
+    marker.color = colourOf(patch.number);
+    all.markers.push_back(marker);
+  }
+  return all;
 }
 
 }  // namespace cocalib

@@ -4,8 +4,10 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "cocalib/estimation/estimate.h"
+#include "cocalib/lidar/plane_patch.h"
 #include "cocalib/measurements/measurements.h"
 #include "cocalib/monitor/progress.h"
 #include "cocalib/ros/estimate_conversions.h"
@@ -21,5 +23,9 @@ visualization_msgs::MarkerArray toMarkers(const CalibrationEstimate& estimate, c
 /// stood there before goes.
 void addHint(const std::string& words, const std::optional<MotionHint>& hint, const FrameNames& frames,
              visualization_msgs::MarkerArray* all);
+
+/// Thin, see-through boxes, one a patch; they go by themselves after two seconds.
+visualization_msgs::MarkerArray toPatchMarkers(const std::vector<PlanePatch>& patches, TimeNs stamp,
+                                               const std::string& world_frame);
 
 }  // namespace cocalib

@@ -1,13 +1,19 @@
-#include "cocalib/ros/plane_patches.h"
+#include "cocalib/lidar/plane_patch.h"
 
 #include <gtest/gtest.h>
+
+#include <limits>
 
 namespace cocalib {
 namespace {
 
 /// Two walls and a few points of neither: number 3 is x = 2 over 4 m by 2 m, number 7 is z = -1 and has few points.
-DeskewedCloud twoWalls() {
-  DeskewedCloud cloud;
+struct Sweep {
+  std::vector<Eigen::Vector3f> points_W;
+  std::vector<std::int16_t> plane;
+};
+Sweep twoWalls() {
+  Sweep cloud;
   const auto add = [&cloud](double x, double y, double z, int plane) {
     cloud.points_W.emplace_back(static_cast<float>(x), static_cast<float>(y), static_cast<float>(z));
     cloud.plane.push_back(static_cast<std::int16_t>(plane));
@@ -21,8 +27,9 @@ DeskewedCloud twoWalls() {
   return cloud;
 }
 
-TEST(PlanePatches, FollowThePoints) {
-  const std::vector<PlanePatch> patches = fitPatches(twoWalls());
+TEST(PlanePatch, FollowThePoints) {
+  const Sweep cloud = twoWalls();
+  const std::vector<PlanePatch> patches = fitPatches(cloud.points_W, cloud.plane);
   ASSERT_EQ(patches.size(), 1U);  // twenty points are too few
   const PlanePatch& wall = patches.front();
   EXPECT_EQ(wall.number, 3);
@@ -33,19 +40,15 @@ TEST(PlanePatches, FollowThePoints) {
   EXPECT_NEAR(std::abs((wall.T_W_P.q * Eigen::Vector3d::UnitZ()).x()), 1.0, 1e-9);
 }
 
-TEST(PlanePatches, GiveDistances) {
-  DeskewedCloud cloud = twoWalls();
-  const std::vector<PlanePatch> patches = fitPatches(cloud);
+TEST(PlanePatch, GiveDistances) {
+  Sweep cloud = twoWalls();
+  const std::vector<PlanePatch> patches = fitPatches(cloud.points_W, cloud.plane);
   cloud.points_W[0].x() += 0.05F;
-  const std::vector<float> distances = distancesToPatches(cloud, patches);
+  const std::vector<float> distances = distancesToPatches(cloud.points_W, cloud.plane, patches);
   ASSERT_EQ(distances.size(), cloud.points_W.size());
   EXPECT_NEAR(distances[0], 0.05F, 1e-5);
   EXPECT_NEAR(distances[1], 0.0F, 1e-5);
   EXPECT_EQ(distances[cloud.points_W.size() - 2], -1.0F);  // of no plane
-  const visualization_msgs::MarkerArray markers = toPatchMarkers(patches, 5, "world");
-  ASSERT_EQ(markers.markers.size(), 1U);
-  EXPECT_EQ(markers.markers[0].id, 3);
-  EXPECT_NEAR(markers.markers[0].scale.x, 4.0, 1e-5);
 }
 
 }  // namespace
