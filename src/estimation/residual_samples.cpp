@@ -75,7 +75,7 @@ void CameraGroup::collectResiduals(const WindowState& state, const InertialChain
   }
 }
 
-ResidualSamples collectResiduals(const InertialWindow& window, const ImuNoise& imu_noise, double range_noise_m) {
+ResidualSamples collectResiduals(const InertialWindow& window, const ImuNoise& imu_noise) {
   ResidualSamples samples;
   if (window.state().nodes.empty() || window.chain().size() == 0) return samples;
   collectImu(window, imu_noise, &samples.imu_sigmas);
@@ -86,7 +86,7 @@ ResidualSamples collectResiduals(const InertialWindow& window, const ImuNoise& i
   }
   if (window.lidar() && window.lidar()->scans() > 0) {
     collectLidar(window, &samples.planes_m);
-    samples.plane_sigma_m = range_noise_m;
+    samples.plane_sigma_m = window.lidar()->rangeSigma();
   }
   for (std::vector<float>* kind : {&samples.imu_sigmas, &samples.corners_px, &samples.tracks_px, &samples.planes_m}) {
     thin(kind);

@@ -16,6 +16,6 @@ struct ResidualSamples {
 };
 
 /// Residuals of everything in the window at its present state. A few thousand of each kind, evenly taken.
-ResidualSamples collectResiduals(const InertialWindow& window, const ImuNoise& imu_noise, double range_noise_m);
+ResidualSamples collectResiduals(const InertialWindow& window, const ImuNoise& imu_noise);
 
 }  // namespace cocalib
