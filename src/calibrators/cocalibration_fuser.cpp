@@ -20,7 +20,7 @@ namespace {
 // The first solve starts from the sub-calibrators' states, centimetres off; each round closes the gates further.
 constexpr double kFirstSlacks_m[] = {0.10, 0.03, 0.01};
 constexpr int kFirstIterations = 6;
-constexpr int kIterations = 3;
+constexpr int kIterations = 2;  // a second: the next one goes on from here
 constexpr double kSlack_m = 0.005;
 
 InertialWindow::Params windowParams(const FuserParams& params, const ImuNoise& noise, const FuserInputs& inputs) {
@@ -63,8 +63,8 @@ struct CoCalibrationFuser::Impl {
   bool start();
   void extend(TimeNs until);
   bool takeNewData();
-  void solveFirst();
-  void solveRound(bool rebuild, double slack_m, int iterations);
+  bool solveNewData();
+  void solveRound(Relink what, double slack_m, int iterations);
   void slide(TimeNs oldest);
   void publish(InertialWindow* from);
 
@@ -223,8 +223,8 @@ void CoCalibrationFuser::Impl::extend(TimeNs until) {
   solved_until = until;
 }
 
-void CoCalibrationFuser::Impl::solveRound(bool rebuild, double slack_m, int iterations) {
-  window.relink(rebuild, slack_m);
+void CoCalibrationFuser::Impl::solveRound(Relink what, double slack_m, int iterations) {
+  window.relink(what, slack_m);
   const InertialWindow::Summary summary = window.optimize(iterations);
   if (summary.failed) {
     ++diagnostics.counts["failed solves"];
@@ -242,8 +242,16 @@ bool CoCalibrationFuser::Impl::takeNewData() {
   return true;
 }
 
-void CoCalibrationFuser::Impl::solveFirst() {
-  for (const double slack : kFirstSlacks_m) solveRound(true, slack, kFirstIterations);
+/// @return false if there is nothing new
+bool CoCalibrationFuser::Impl::solveNewData() {
+  const bool first = !started;
+  if (!takeNewData()) return false;
+  if (first) {
+    for (const double slack : kFirstSlacks_m) solveRound(Relink::kNewPlanes, slack, kFirstIterations);
+  } else {
+    solveRound(window.neededRelink(), kSlack_m, kIterations);
+  }
+  return true;
 }
 
 /// Hands what is older to the record and turns it into a prior.
@@ -259,14 +267,8 @@ bool CoCalibrationFuser::solve() {
     reset();
     return false;
   }
-  const bool first = !m.started;
   m.published = nullptr;  // until it is linked again
-  if (!m.takeNewData()) return false;
-  if (first) {
-    m.solveFirst();
-  } else {
-    m.solveRound(m.window.planesAreStale(), kSlack_m, kIterations);
-  }
+  if (!m.solveNewData()) return false;
   m.publish(&m.window);
   m.slide(m.window.state().nodes.back().stamp - toNs(m.params.live_window_s));
   return true;
@@ -275,14 +277,7 @@ bool CoCalibrationFuser::solve() {
 void CoCalibrationFuser::finish(const std::function<void(double)>& progress) {
   Impl& m = *impl_;
   if (!m.inbox.drainTo(&m.window.imu())) return;
-  const bool first = !m.started;
-  if (m.takeNewData()) {
-    if (first) {
-      m.solveFirst();
-    } else {
-      m.solveRound(false, kSlack_m, kIterations);
-    }
-  }
+  m.solveNewData();
   if (!m.started) return;
   m.record.take(m.window, m.window.state().nodes.back().stamp + 1);
   if (m.record.solve(m.window.state().calibration, progress)) m.publish(&m.record.window());
@@ -324,7 +319,7 @@ std::optional<NavState> CoCalibrationFuser::latestState() const {
 
 ResidualSamples CoCalibrationFuser::residuals() const {
   if (!impl_->published) return {};
-  return collectResiduals(*impl_->published, impl_->imu_noise, impl_->params.range_noise_m);
+  return collectResiduals(*impl_->published, impl_->imu_noise);
 }
 
 CalibratorDiagnostics CoCalibrationFuser::diagnostics() const {

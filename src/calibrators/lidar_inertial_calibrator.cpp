@@ -86,7 +86,7 @@ void LidarInertialCalibrator::Impl::advance() {
 
 void LidarInertialCalibrator::Impl::solve() {
   last_solve = window.state().nodes.back().stamp;
-  window.relink(window.planesAreStale(), 0.02);
+  window.relink(window.neededRelink(), 0.02);
   if (window.optimize(kIterations).failed) {
     ++diagnostics.counts["failed solves"];
   } else {

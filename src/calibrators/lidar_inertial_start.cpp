@@ -114,7 +114,7 @@ void LidarInertialCalibrator::Impl::startWindow(const Alignment& alignment) {
     unreported.push_back(scan);
   }
   for (const double slack : kStartSlacks_m) {
-    window.relink(true, slack);
+    window.relink(Relink::kNewPlanes, slack);
     if (!window.optimize(kStartIterations).failed) window.learnNoise();
   }
   started = true;

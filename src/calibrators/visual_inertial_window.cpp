@@ -16,7 +16,7 @@ constexpr double kTryPeriod_s = 1.0;
 constexpr double kOpenShare = 0.8;  // of initialization_s without success, before a part may stay open
 constexpr int kStartRounds = 3;
 constexpr int kStartIterations = 8;
-constexpr int kIterations = 3;
+constexpr int kIterations = 2;          // a second: the next one goes on from here
 constexpr int kMaxBadSolves = 3;        // in a row, before it starts over
 constexpr double kMinConsistent = 0.5;  // share of the observations that the states explain
 
@@ -67,7 +67,7 @@ void VisualInertialCalibrator::Impl::startWindow(const Alignment& alignment) {
   }
   explored.clear();
   for (int round = 0; round < kStartRounds; ++round) {
-    window.relink(false, 0.0);
+    window.relink(Relink::kNewScans, 0.0);
     window.optimize(kStartIterations);
     window.learnNoise();
   }
@@ -79,7 +79,7 @@ void VisualInertialCalibrator::Impl::startWindow(const Alignment& alignment) {
 
 /// Whether the states explain the pictures after it.
 bool VisualInertialCalibrator::Impl::solveWindow() {
-  window.relink(false, 0.0);
+  window.relink(Relink::kNewScans, 0.0);
   if (window.optimize(kIterations).failed) return false;
   window.learnNoise();
   return window.camera()->consistentShare() >= kMinConsistent;

@@ -54,8 +54,8 @@ void WindowRecord::takeMeasurements() {
   }
 }
 
-void WindowRecord::solveRound(bool rebuild, double slack_m, int iterations, bool all_points) {
-  window_.relink(rebuild, slack_m, all_points);
+void WindowRecord::solveRound(Relink what, double slack_m, int iterations, bool all_points) {
+  window_.relink(what, slack_m, all_points);
   if (window_.optimize(iterations).failed) {
     ++failed_solves_;
   } else {
@@ -66,7 +66,7 @@ void WindowRecord::solveRound(bool rebuild, double slack_m, int iterations, bool
 /// Turns the oldest part into a prior, about states and calibration that fit all of the record.
 void WindowRecord::shorten(const Calibration& start) {
   window_.setLinearization(start);
-  solveRound(window_.planesInUse() == 0 || window_.planesAreStale(), kStartSlack_m, kShortenIterations, true);
+  solveRound(window_.neededRelink(), kStartSlack_m, kShortenIterations, true);
   const TimeNs oldest = window_.state().nodes.back().stamp - toNs(length_s_);
   if (!window_.marginalizeBefore(oldest)) ++failed_solves_;
 }
@@ -75,9 +75,9 @@ bool WindowRecord::solve(const Calibration& start, const std::function<void(doub
   if (!started_ || window_.state().nodes.size() < 2) return false;
   window_.setLinearization(start);
   if (progress) progress(0.0);
-  solveRound(true, kStartSlack_m, kFirstIterations, false);
+  solveRound(Relink::kNewPlanes, kStartSlack_m, kFirstIterations, false);
   if (progress) progress(0.4);
-  solveRound(true, 0.0, kLastIterations, true);
+  solveRound(Relink::kAllScans, 0.0, kLastIterations, true);
   if (progress) progress(1.0);
   return true;
 }

@@ -122,7 +122,7 @@ void CameraGroup::addBoard(const WindowState& state, int frame, Sums* sums, Chai
     sums->corner_square_px += 0.5 * f_px->r.squaredNorm() * params_.corner_sigma_px * params_.corner_sigma_px;
     ++sums->corners;
   }
-  scatterPoseGlobal(poses_[f], frames_[f].node, GlobalLayout::kCamera, H_cB, kB, system);
+  scatterPoseGlobal<6>(poses_[f], frames_[f].node, GlobalLayout::kCamera, H_cB, kB, system);
   system->H_global.block<6, 6>(kB, kB) += H_BB;
   system->b_global.segment<6>(kB) += b_B;
 }

@@ -95,7 +95,7 @@ void InertialWindow::startBoard() {
   board_known_ = true;
 }
 
-void InertialWindow::relink(bool rebuild_planes, double slack_m, bool all_points) {
+void InertialWindow::relink(Relink what, double slack_m, bool all_points) {
   updateChain();
   solved_.reset();
   if (camera_) {
@@ -103,18 +103,20 @@ void InertialWindow::relink(bool rebuild_planes, double slack_m, bool all_points
     if (!board_known_ && params_.camera->board) startBoard();
   }
   if (!lidar_ || lidar_->scans() == 0) return;
-  if (rebuild_planes) rebuildPlanes();
+  if (what == Relink::kNewPlanes) rebuildPlanes();
+  if (what != Relink::kNewScans) linked_scans_ = 0;
   lidar_->link(state_, chain_, plane_map_, linked_scans_, slack_m, board_known_, all_points);
   linked_scans_ = lidar_->scans();
-  if (rebuild_planes) share_on_planes_ = lidar_->shareOnPlanes(0, linked_scans_);
+  if (what == Relink::kNewPlanes) share_on_planes_ = lidar_->shareOnPlanes(0, linked_scans_);
 }
 
-bool InertialWindow::planesAreStale() const {
-  if (!lidar_ || scans_since_planes_ == 0) return false;
+Relink InertialWindow::neededRelink() const {
+  if (!lidar_ || scans_since_planes_ == 0) return Relink::kNewScans;
   const int first_since = lidar_->scans() - scans_since_planes_;
-  if (first_since <= 0) return true;
-  const int linked_since = linked_scans_ - first_since;
-  return linked_since > 0 && lidar_->shareOnPlanes(first_since, linked_scans_) < kMinKnown * share_on_planes_;
+  if (first_since <= 0) return Relink::kNewPlanes;
+  const bool linked_since = linked_scans_ > first_since;
+  const bool lost = linked_since && lidar_->shareOnPlanes(first_since, linked_scans_) < kMinKnown * share_on_planes_;
+  return lost ? Relink::kNewPlanes : Relink::kNewScans;
 }
 
 std::size_t InertialWindow::planesInUse() const {
@@ -140,7 +142,7 @@ std::vector<std::optional<Plane>> InertialWindow::retirePlanes() {
 void InertialWindow::rebuildPlanes() {
   const auto landmarks = prior_ ? retirePlanes() : std::vector<std::optional<Plane>>();
   // The first planes are those that everything starts from; later ones only join what is known.
-  const std::size_t wanted = prior_ ? 400000 : 2000000;
+  const std::size_t wanted = prior_ ? 400000 : 1000000;
   plane_map_.clear();
   const auto total =
       static_cast<std::size_t>(lidar_->scans()) * std::max<std::size_t>(1, lidar_->scan(0).points.size());
@@ -151,7 +153,6 @@ void InertialWindow::rebuildPlanes() {
     const bool is_new = i >= landmarks.size() || !landmarks[i];
     if (is_new) prior_->startPlane(static_cast<int>(i), state_.planes[i]);
   }
-  linked_scans_ = 0;
   scans_since_planes_ = 0;
 }
 

@@ -198,14 +198,16 @@ void LidarGroup::linkScan(const WindowState& state, const InertialChain& chain, 
     Bin bin;
     bin.stamp = stamp;
     bin.node = node;
+    const Eigen::Matrix3d R_W_L = pose.T_W_S.R();
     for (std::size_t k = begin; k < end; ++k) {
       const auto index = static_cast<std::size_t>(binned[k - begin].index);
       std::int16_t& label = scan->plane[index];
       if (label == kNone && !isChosen(binned[k - begin].index, stride)) continue;
       const Eigen::Vector3d p_L = point(k);
-      const Eigen::Vector3d ray_L = p_L.normalized();
-      const Eigen::Vector3d p_W = pose.T_W_S * p_L;
-      const Eigen::Vector3d ray_W = pose.T_W_S.q * ray_L;
+      const Eigen::Vector3d arm_W = R_W_L * p_L;
+      const Eigen::Vector3d p_W = arm_W + pose.T_W_S.t;
+      const double per_range = 1.0 / p_L.norm();
+      const Eigen::Vector3d ray_W = per_range * arm_W;
       const bool on_board = label == kOnBoard;
       scan->points_seen += !on_board;
       const int plane = on_board ? -1 : map.planeAt(p_W, ray_W);
@@ -232,7 +234,7 @@ void LidarGroup::linkScan(const WindowState& state, const InertialChain& chain, 
         scan->square_m2 += distance * distance;
         ++scan->points;
       }
-      addPoint(p_L, ray_L, range2, variance, points);
+      addPoint(p_L, per_range * p_L, range2, variance, points);
     }
     if (!bin.planes.empty() || bin.board_points > 0) scan->bins.push_back(std::move(bin));
   };

@@ -43,7 +43,7 @@ void LidarGroup::accumulateBin(const WindowState& state, const InertialChain& ch
     const int column = GlobalLayout::plane(index);
     H += f.H_pose;
     b += f.b_pose;
-    scatterPoseGlobal(pose, bin.node, kL, f.J_pose.transpose() * S_J, column, system);
+    scatterPoseGlobal<3>(pose, bin.node, kL, f.J_pose.transpose() * S_J, column, system);
     system->H_global.block<3, 3>(column, column).noalias() += J_plane.transpose() * S_J;
     system->b_global.segment<3>(column).noalias() += J_plane.transpose() * f.S_pi;
     system->cost += f.cost;
@@ -54,7 +54,7 @@ void LidarGroup::accumulateBin(const WindowState& state, const InertialChain& ch
     const Eigen::Matrix<double, 4, 6> S_J = bin.board.moment * J_board;
     H += f.H_pose;
     b += f.b_pose;
-    scatterPoseGlobal(pose, bin.node, kL, f.J_pose.transpose() * S_J, kB, system);
+    scatterPoseGlobal<6>(pose, bin.node, kL, f.J_pose.transpose() * S_J, kB, system);
     system->H_global.block<6, 6>(kB, kB).noalias() += J_board.transpose() * S_J;
     system->b_global.segment<6>(kB).noalias() += J_board.transpose() * f.S_pi;
     system->cost += f.cost;
@@ -76,8 +76,8 @@ void LidarGroup::accumulateEdge(const WindowState& state, const InertialChain& c
   J_globals << f->J_board, f->J_edge;
   const Vector6d wJ = robust.weight * f->J_pose.transpose();
   scatterPose(pose, edge.node, kL, wJ * f->J_pose, wJ * f->r, system);
-  scatterPoseGlobal(pose, edge.node, kL, wJ * f->J_board, kB, system);
-  scatterPoseGlobal(pose, edge.node, kL, wJ * f->J_edge, e, system);
+  scatterPoseGlobal<6>(pose, edge.node, kL, wJ * f->J_board, kB, system);
+  scatterPoseGlobal<1>(pose, edge.node, kL, wJ * f->J_edge, e, system);
   const Eigen::Matrix<double, 7, 7> H = robust.weight * J_globals.transpose() * J_globals;
   system->H_global.block<6, 6>(kB, kB) += H.topLeftCorner<6, 6>();
   system->H_global.block<6, 1>(kB, e) += H.topRightCorner<6, 1>();

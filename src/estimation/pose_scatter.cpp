@@ -1,7 +1,5 @@
 #include "cocalib/estimation/pose_scatter.h"
 
-#include "cocalib/estimation/window_state.h"
-
 namespace cocalib {
 namespace {
 
@@ -35,19 +33,6 @@ void scatterPose(const TimedSensorPose& pose, int node, int column, const Matrix
   addGlobalPair(pose, pose, column, 0.5 * H, system);
   system->b_global.segment<7>(column).noalias() += pose.J_calibration.transpose() * b;
   system->b_global[kG] += pose.J_gravity.dot(b);
-}
-
-void scatterPoseGlobal(const TimedSensorPose& pose, int node, int column, const Eigen::Ref<const Eigen::MatrixXd>& H,
-                       int other_column, ChainSystem* system) {
-  const Eigen::Index m = H.cols();
-  system->coupling(node).middleCols(other_column, m).noalias() += pose.J_state.transpose() * H;
-  const Eigen::MatrixXd calibration = pose.J_calibration.transpose() * H;
-  const Eigen::RowVectorXd gravity = pose.J_gravity.transpose() * H;
-  auto& G = system->H_global;
-  G.block(column, other_column, 7, m) += calibration;
-  G.block(other_column, column, m, 7) += calibration.transpose();
-  G.block(kG, other_column, 1, m) += gravity;
-  G.block(other_column, kG, m, 1) += gravity.transpose();
 }
 
 void scatterPosePair(const TimedSensorPose& a, int node_a, const TimedSensorPose& b, int node_b, int column,

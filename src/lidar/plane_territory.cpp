@@ -27,15 +27,12 @@ void PlaneTerritory::allow(const Voxel& voxel, int plane) {
   }
 }
 
-const PlaneTerritory::Cell* PlaneTerritory::allowingCell(const Voxel& voxel, int plane) const {
-  const int number = index_.find(voxel);
-  if (number < 0) return nullptr;
-  const Cell& cell = cells_[static_cast<std::size_t>(number)];
-  if (cell.crowded) return nullptr;
-  for (int i = 0; i < cell.count; ++i) {
-    if (cell.plane[i] == plane) return (cell.allowed >> i & 1U) != 0 ? &cell : nullptr;
+bool PlaneTerritory::Cell::allows(int claimant) const {
+  if (crowded) return false;
+  for (int i = 0; i < count; ++i) {
+    if (plane[i] == claimant) return (allowed >> i & 1U) != 0;
   }
-  return nullptr;
+  return false;
 }
 
 int PlaneTerritory::claim(const Eigen::Vector3d& p, const Eigen::Vector3d& ray, const std::vector<Plane>& planes,
@@ -43,7 +40,8 @@ int PlaneTerritory::claim(const Eigen::Vector3d& p, const Eigen::Vector3d& ray, 
   // Nearer to grazing than 3 degrees, where ray and plane meet is anybody's guess.
   constexpr double kMinCosine = 0.05;
   if (!voxelInRange(p, inverse_edge_)) return -1;
-  const int number = index_.find(voxelOf(p, inverse_edge_));
+  const Voxel own = voxelOf(p, inverse_edge_);
+  const int number = index_.find(own);
   if (number < 0) return -1;
   const Cell& near = cells_[static_cast<std::size_t>(number)];
   for (int i = 0; i < near.count; ++i) {
@@ -54,8 +52,11 @@ int PlaneTerritory::claim(const Eigen::Vector3d& p, const Eigen::Vector3d& ray, 
     if (std::abs(distance) > gate_m || std::abs(cosine) < kMinCosine) continue;
     const Eigen::Vector3d met = p - distance / cosine * ray;
     if (!voxelInRange(met, inverse_edge_)) continue;
-    const Cell* cell = allowingCell(voxelOf(met, inverse_edge_), claimant);
-    if (cell == nullptr) continue;
+    const Voxel there = voxelOf(met, inverse_edge_);
+    const int met_number = there == own ? number : index_.find(there);
+    if (met_number < 0) continue;
+    const Cell* cell = &cells_[static_cast<std::size_t>(met_number)];
+    if (!cell->allows(claimant)) continue;
     const bool clear = std::none_of(cell->plane.data(), cell->plane.data() + cell->count, [&](int j) {
       if (j == claimant) return false;
       // Ranges on both planes along this ray must differ by more than the noise of one and the gate of the other.

@@ -90,7 +90,7 @@ TEST(InertialWindow, MarginalizationKeepsWhatWasKnown) {
   Matrix14d before, after;
   ASSERT_TRUE(sim.window().calibrationCovariance(&before));
   ASSERT_TRUE(sim.window().marginalizeBefore(sim.trajectory().stampOf(4.0)));
-  sim.window().relink(false, 0.0);
+  sim.window().relink(Relink::kNewScans, 0.0);
   ASSERT_TRUE(sim.window().calibrationCovariance(&after));
   for (int i = 0; i < 6; ++i) EXPECT_NEAR(after(i, i), before(i, i), 0.02 * before(i, i));
   const Vector14d e = sim.error();

@@ -45,7 +45,7 @@ class SimulatedWindow {
 
   void solve() {
     for (const double slack : {0.08, 0.01, 0.0}) {
-      window_.relink(true, slack);
+      window_.relink(Relink::kNewPlanes, slack);
       window_.optimize(8);
     }
   }

@@ -33,7 +33,7 @@ class WindowRecord {
 
  private:
   void takeMeasurements();
-  void solveRound(bool rebuild, double slack_m, int iterations, bool all_points);
+  void solveRound(Relink what, double slack_m, int iterations, bool all_points);
   void shorten(const Calibration& start);
 
   InertialWindow window_;

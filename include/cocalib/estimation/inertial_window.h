@@ -13,6 +13,13 @@
 
 namespace cocalib {
 
+/// What InertialWindow::relink() associates.
+enum class Relink {
+  kNewScans,   ///< what has come since the last time
+  kAllScans,   ///< every point anew, with the planes there are
+  kNewPlanes,  ///< every point anew, with planes found in all scans of the window
+};
+
 /// An inertial window: a chain of IMU states to which visual and lidar factors attach, with both mountings, clock
 /// offsets, gravity, the board and the planes as unknowns. The one estimator behind all three calibrators (paper Eq. 3,
 /// 6, 10).
@@ -69,18 +76,17 @@ class InertialWindow {
 
   /// Makes the inertial segments of new nodes, so that poses can be asked for; relink() does it too.
   void updateChain() { chain_.update(state_.nodes, imu_); }
-  /// Whether the planes were found in scans that have all left the window, or the scans since then find fewer points
-  /// on them: new ones stand around.
-  bool planesAreStale() const;
+  /// What the scans since the last relink() call for: new planes where there are none yet, where those there are were
+  /// found in scans that have all left the window, or where the newest scans find fewer points on them.
+  Relink neededRelink() const;
   /// Associates: inertial segments, frames and landmarks, planes and lidar points.
   ///
   /// Planes are landmarks. Before anything was marginalized all of them are found anew; after it, those seen before
   /// keep their number and estimate, those that nothing in the window lies on any more are eliminated (what they said
   /// about the rest stays in the prior), and new ones join. So the rig may leave the room, and memory stays bounded.
-  /// @param rebuild_planes  find the planes of all scans in the window and associate all points anew, not only new ones
-  /// @param slack_m         uncertainty of the current poses, for the gates
-  /// @param all_points      every lidar point: for a last round, at twice the cost
-  void relink(bool rebuild_planes, double slack_m, bool all_points = false);
+  /// @param slack_m     uncertainty of the current poses, for the gates
+  /// @param all_points  every lidar point: for a last round, at twice the cost
+  void relink(Relink what, double slack_m, bool all_points = false);
 
   /// Sets the noise of corners, tracks and ranges to what their residuals show; call it after optimize() and before
   /// marginalizing.

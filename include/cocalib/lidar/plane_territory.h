@@ -43,10 +43,9 @@ class PlaneTerritory {
     std::uint8_t count = 0;
     std::uint8_t allowed = 0;  ///< bit i: plane[i] may claim points
     bool crowded = false;
-  };
 
-  /// The cell of a voxel in which `plane` may claim points, or null.
-  const Cell* allowingCell(const Voxel& voxel, int plane) const;
+    bool allows(int claimant) const;
+  };
 
   double edge_m_, inverse_edge_;
   VoxelIndex index_;
