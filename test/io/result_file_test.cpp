@@ -33,7 +33,8 @@ class ResultFile : public testing::Test {
     std::vector<std::string> names;
     DIR* handle = ::opendir(directory_.c_str());
     while (const dirent* entry = ::readdir(handle)) {
-      if (entry->d_name[0] != '.') names.emplace_back(entry->d_name);
+      const std::string name = entry->d_name;
+      if (name != "." && name != "..") names.push_back(name);
     }
     ::closedir(handle);
     return names;

@@ -16,6 +16,8 @@ struct ResultContents {
 std::string formatResult(const CalibrationEstimate& estimate, const ResultContents& contents);
 
 /// Writes `text` to `path` atomically (temporary file in the same directory, fsync, rename, fsync of the directory).
+/// A process killed meanwhile leaves the old file or the new one, and perhaps its temporary file, hidden as
+/// `.NAME.cocalib-XXXXXX`; the next call that writes to the directory removes it. Safe beside other processes.
 /// @throws std::runtime_error naming path and cause; the old file is untouched then
 void writeFileAtomically(const std::string& path, const std::string& text);
 
