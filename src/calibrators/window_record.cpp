@@ -9,6 +9,7 @@ namespace {
 constexpr double kOverhang = 1.2;
 constexpr int kShortenIterations = 2;  // the states are good; the rest waits for the last round
 constexpr int kFirstIterations = 2;    // for better planes: what the last round starts from
+constexpr std::size_t kFirstPoints = 3000;
 constexpr int kLastIterations = 10;
 constexpr double kStartSlack_m = 0.005;
 
@@ -32,8 +33,8 @@ void WindowRecord::take(const InertialWindow& live, TimeNs until) {
     }
   }
   if (!started_) return;
-  window_.adoptNoise(live);
   takeMeasurements();
+  window_.adopt(live);
   const std::vector<NavState>& own = window_.state().nodes;
   if (toSeconds(own.back().stamp - own.front().stamp) > kOverhang * length_s_) shorten(live.state().calibration);
 }
@@ -54,8 +55,8 @@ void WindowRecord::takeMeasurements() {
   }
 }
 
-void WindowRecord::solveRound(Relink what, double slack_m, int iterations, bool all_points) {
-  window_.relink(what, slack_m, all_points);
+void WindowRecord::solveRound(Relink what, double slack_m, int iterations, std::size_t points) {
+  window_.relink(what, slack_m, points);
   if (window_.optimize(iterations).failed) {
     ++failed_solves_;
   } else {
@@ -66,7 +67,7 @@ void WindowRecord::solveRound(Relink what, double slack_m, int iterations, bool 
 /// Turns the oldest part into a prior, about states and calibration that fit all of the record.
 void WindowRecord::shorten(const Calibration& start) {
   window_.setLinearization(start);
-  solveRound(window_.neededRelink(), kStartSlack_m, kShortenIterations, true);
+  solveRound(window_.neededRelink(), kStartSlack_m, kShortenIterations, LidarGroup::kAllPoints);
   const TimeNs oldest = window_.state().nodes.back().stamp - toNs(length_s_);
   if (!window_.marginalizeBefore(oldest)) ++failed_solves_;
 }
@@ -75,9 +76,9 @@ bool WindowRecord::solve(const Calibration& start, const std::function<void(doub
   if (!started_ || window_.state().nodes.size() < 2) return false;
   window_.setLinearization(start);
   if (progress) progress(0.0);
-  solveRound(Relink::kNewPlanes, kStartSlack_m, kFirstIterations, false);
+  solveRound(Relink::kNewPlanes, kStartSlack_m, kFirstIterations, kFirstPoints);
   if (progress) progress(0.4);
-  solveRound(Relink::kAllScans, 0.0, kLastIterations, true);
+  solveRound(Relink::kAllScans, 0.0, kLastIterations, LidarGroup::kAllPoints);
   if (progress) progress(1.0);
   return true;
 }

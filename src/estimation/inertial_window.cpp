@@ -95,7 +95,7 @@ void InertialWindow::startBoard() {
   board_known_ = true;
 }
 
-void InertialWindow::relink(Relink what, double slack_m, bool all_points) {
+void InertialWindow::relink(Relink what, double slack_m, std::size_t points) {
   updateChain();
   solved_.reset();
   if (camera_) {
@@ -105,7 +105,7 @@ void InertialWindow::relink(Relink what, double slack_m, bool all_points) {
   if (!lidar_ || lidar_->scans() == 0) return;
   if (what == Relink::kNewPlanes) rebuildPlanes();
   if (what != Relink::kNewScans) linked_scans_ = 0;
-  lidar_->link(state_, chain_, plane_map_, linked_scans_, slack_m, board_known_, all_points);
+  lidar_->link(state_, chain_, plane_map_, linked_scans_, slack_m, board_known_, points);
   linked_scans_ = lidar_->scans();
   if (what == Relink::kNewPlanes) share_on_planes_ = lidar_->shareOnPlanes(0, linked_scans_);
 }

@@ -120,12 +120,12 @@ void LidarGroup::fillMap(const WindowState& state, const InertialChain& chain, i
 }
 
 void LidarGroup::link(const WindowState& state, const InertialChain& chain, const PlaneMap& map, int first_scan,
-                      double slack_m, bool board_known, bool all_points) {
+                      double slack_m, bool board_known, std::size_t points) {
   const auto linkFrom = [&](std::size_t first, std::size_t stride) {
     for (std::size_t s = first; s < scans_.size(); s += stride) {
       Scan& scan = scans_[s];
       if (board_known && params_.board) findBoard(state, chain, slack_m, &scan);
-      linkScan(state, chain, map, slack_m, all_points, &scan);
+      linkScan(state, chain, map, slack_m, points, &scan);
       scan.edges.clear();
       if (scan.board) linkEdges(state, chain, *scan.board, &scan);
     }
@@ -180,7 +180,7 @@ void LidarGroup::findBoard(const WindowState& state, const InertialChain& chain,
 }
 
 void LidarGroup::linkScan(const WindowState& state, const InertialChain& chain, const PlaneMap& map, double slack_m,
-                          bool all_points, Scan* scan) const {
+                          std::size_t points, Scan* scan) const {
   constexpr std::int16_t kNone = -1, kOnBoard = -2;
   scan->bins.clear();
   scan->square_m2 = scan->range_square_m2 = 0.0;
@@ -192,7 +192,7 @@ void LidarGroup::linkScan(const WindowState& state, const InertialChain& chain, 
   const Plane board_W = boardPlane(state.T_W_B);
   const double floor2 = params_.noise_floor_m * params_.noise_floor_m;
   const double range2 = range_sigma_m_ * range_sigma_m_;
-  const std::uint32_t stride = all_points ? 1 : strideFor(scan->raw->points.size(), params_.live_points);
+  const std::uint32_t stride = strideFor(scan->raw->points.size(), points);
   const auto addBin = [&](TimeNs stamp, int node, const TimedSensorPose& pose, const auto& point,
                           const BinnedPoint* binned, std::size_t begin, std::size_t end) {
     Bin bin;
@@ -222,7 +222,7 @@ void LidarGroup::linkScan(const WindowState& state, const InertialChain& chain, 
         continue;
       }
       scan->addResidual(distance, cosine, floor2);
-      PlanePoints* points = &bin.board;
+      PlanePoints* sums = &bin.board;
       if (on_board) {
         ++bin.board_points;
       } else {
@@ -230,11 +230,11 @@ void LidarGroup::linkScan(const WindowState& state, const InertialChain& chain, 
         auto entry =
             std::find_if(bin.planes.begin(), bin.planes.end(), [&](const auto& e) { return e.first == plane; });
         if (entry == bin.planes.end()) entry = bin.planes.insert(entry, {plane, PlanePoints()});
-        points = &entry->second;
+        sums = &entry->second;
         scan->square_m2 += distance * distance;
         ++scan->points;
       }
-      addPoint(p_L, per_range * p_L, range2, variance, points);
+      addPoint(p_L, per_range * p_L, range2, variance, sums);
     }
     if (!bin.planes.empty() || bin.board_points > 0) scan->bins.push_back(std::move(bin));
   };

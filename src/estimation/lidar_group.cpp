@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "cocalib/estimation/pose_scatter.h"
 #include "cocalib/factors/point_factors.h"
@@ -13,6 +14,17 @@ namespace cocalib {
 void LidarGroup::addScan(std::shared_ptr<const LidarScan> scan) {
   scans_.emplace_back();
   scans_.back().raw = std::move(scan);
+}
+
+void LidarGroup::adoptBoards(const LidarGroup& other) {
+  std::map<const LidarScan*, const Scan*> theirs;
+  for (const Scan& scan : other.scans_) theirs.emplace(scan.raw.get(), &scan);
+  for (Scan& scan : scans_) {
+    const auto same = theirs.find(scan.raw.get());
+    if (same == theirs.end() || same->second->searched_m >= scan.searched_m) continue;
+    scan.board = same->second->board;
+    scan.searched_m = same->second->searched_m;
+  }
 }
 
 void LidarGroup::accumulate(const WindowState& state, const InertialChain& chain, int end_node,

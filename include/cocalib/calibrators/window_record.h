@@ -33,7 +33,7 @@ class WindowRecord {
 
  private:
   void takeMeasurements();
-  void solveRound(Relink what, double slack_m, int iterations, bool all_points);
+  void solveRound(Relink what, double slack_m, int iterations, std::size_t points);
   void shorten(const Calibration& start);
 
   InertialWindow window_;

@@ -84,9 +84,9 @@ class InertialWindow {
   /// Planes are landmarks. Before anything was marginalized all of them are found anew; after it, those seen before
   /// keep their number and estimate, those that nothing in the window lies on any more are eliminated (what they said
   /// about the rest stays in the prior), and new ones join. So the rig may leave the room, and memory stays bounded.
-  /// @param slack_m     uncertainty of the current poses, for the gates
-  /// @param all_points  every lidar point: for a last round, at twice the cost
-  void relink(Relink what, double slack_m, bool all_points = false);
+  /// @param slack_m  uncertainty of the current poses, for the gates
+  /// @param points   of each scan, see LidarGroup::link()
+  void relink(Relink what, double slack_m, std::size_t points = LidarGroup::kLivePoints);
 
   /// Sets the noise of corners, tracks and ranges to what their residuals show; call it after optimize() and before
   /// marginalizing.
@@ -95,9 +95,11 @@ class InertialWindow {
     if (lidar_) lidar_->learnRangeNoise();
   }
 
-  /// Starts from the noise of corners and tracks that another window has learnt.
-  void adoptNoise(const InertialWindow& other) {
+  /// Starts from what another window of the same data has found out: the noise of corners and tracks, and where the
+  /// board stands in the sweeps.
+  void adopt(const InertialWindow& other) {
     if (camera_ && other.camera_) camera_->adoptNoise(*other.camera_);
+    if (lidar_ && other.lidar_) lidar_->adoptBoards(*other.lidar_);
   }
 
   struct Summary {

@@ -26,10 +26,11 @@ class LidarGroup {
     double range_noise_m = 0.03;   ///< at the start; see learnRangeNoise()
     double noise_floor_m = 0.004;  ///< across the plane, whatever the incidence: bearing noise, roughness
     double gate_sigmas = 4.0;
-    std::size_t live_points = 12000;  ///< of a scan, looked at by link() unless all are asked for; 0: all
-    double bin_s = 0.004;             ///< points of this long share one pose; within it rates count as constant
+    double bin_s = 0.004;  ///< points of this long share one pose; within it rates count as constant
     std::optional<BoardGeometry> board;
   };
+  static constexpr std::size_t kLivePoints = 12000, kAllPoints = 0;  ///< of each scan, for link()
+
   explicit LidarGroup(const Params& params) : params_(params), range_sigma_m_(params.range_noise_m) {}
 
   void addScan(std::shared_ptr<const LidarScan> scan);
@@ -41,13 +42,16 @@ class LidarGroup {
                PlaneMap* map) const;
 
   /// Associates the points of the scans from `first_scan` on anew. `map` numbers planes as `state.planes` does.
-  /// @param slack_m     uncertainty of the current estimate, added to the gate
-  /// @param all_points  every point, not Params::live_points of each scan
+  /// @param slack_m  uncertainty of the current estimate, added to the gate
+  /// @param points   of each scan, about; kAllPoints: every one. Those on the board are looked at in any case
   void link(const WindowState& state, const InertialChain& chain, const PlaneMap& map, int first_scan, double slack_m,
-            bool board_known, bool all_points);
+            bool board_known, std::size_t points);
 
   /// Adds all factors; or, with `end_node` >= 0, only those of nodes before it.
   void accumulate(const WindowState& state, const InertialChain& chain, int end_node, ChainSystem* system) const;
+
+  /// Takes over where another group has found the board in the scans that both hold.
+  void adoptBoards(const LidarGroup& other);
 
   /// Sets the noise of ranges to what the residuals of the last link() show; the next link() weighs with it.
   void learnRangeNoise();
@@ -106,7 +110,7 @@ class LidarGroup {
   /// Finds the board in a scan, unless it was looked for before with as good a prediction.
   void findBoard(const WindowState& state, const InertialChain& chain, double slack_m, Scan* whole) const;
   void linkScan(const WindowState& state, const InertialChain& chain, const PlaneMap& map, double slack_m,
-                bool all_points, Scan* scan) const;
+                std::size_t points, Scan* scan) const;
   void linkEdges(const WindowState& state, const InertialChain& chain, const BoardSegment& board, Scan* scan) const;
   void accumulateBin(const WindowState& state, const InertialChain& chain, const Bin& bin,
                      const std::vector<Eigen::Matrix<double, 4, 3>>& tangents, ChainSystem* system) const;
