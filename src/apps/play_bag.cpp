@@ -22,7 +22,8 @@ namespace {
 
 namespace options = boost::program_options;
 constexpr int kInputError = 1, kUsageError = 2;
-const std::vector<std::string> kFlushServices = {"visual_inertial/flush", "lidar_inertial/flush"};
+// In the order in which the data flow; each answers with success once its nodelet listens.
+const std::vector<std::string> kFlushServices = {"visual_inertial/flush", "lidar_inertial/flush", "flush"};
 
 struct Arguments {
   std::string rig, bag;
@@ -106,10 +107,10 @@ class Player {
 
  private:
   bool allListen() {
+    std::string words;
     for (const std::string& service : kFlushServices) {
-      if (!ros::service::exists(service, false)) return false;
+      if (!ros::service::exists(service, false) || !call(service, &words)) return false;
     }
-    if (!ros::service::exists("stop", false)) return false;
     for (const auto& [topic, publisher] : publishers_) {
       if (publisher.getNumSubscribers() == 0 && !publisher.isLatched()) return false;
     }

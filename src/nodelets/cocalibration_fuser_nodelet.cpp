@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <exception>
+#include <functional>
 #include <memory>
 #include <pluginlib/class_list_macros.hpp>
 #include <string>
@@ -29,6 +30,7 @@ class CoCalibrationFuserNodelet : public nodelet::Nodelet {
     control_ = getNodeHandle().advertise<std_msgs::String>("control", 10);
     camera_source_ = std::make_unique<CameraModelSource>(
         getNodeHandle(), rig_, [this](const std::optional<CameraModel>& camera) { start(camera); });
+    advertiseServices();
   } catch (const std::exception& error) {
     endOnError(getName(), error.what());
   }
@@ -51,7 +53,6 @@ class CoCalibrationFuserNodelet : public nodelet::Nodelet {
           [session](const sensor_msgs::CompressedImageConstPtr& msg) { session->addCompressed(msg); }));
     }
     if (rig_.lidar) subscribers_.push_back(nh.subscribe(rig_.lidar->topic, 50, &FusionSession::addCloud, session));
-    advertiseServices();
     settings_ = std::make_unique<dynamic_reconfigure::Server<CalibrationConfig>>(getPrivateNodeHandle());
     settings_->setCallback([session](const CalibrationConfig& config, std::uint32_t) {
       session->configure({config.publish_tf, config.freeze_when_converged, config.status_period});
@@ -60,25 +61,35 @@ class CoCalibrationFuserNodelet : public nodelet::Nodelet {
     endOnError(getName(), error.what());
   }
 
+  /// They answer from the start on, so that a user who calls one too early learns what is missing.
   void advertiseServices() {
-    ros::NodeHandle& nh = getNodeHandle();
     const auto begin = [this](std::string* words) {
       tell("start");
       session_->restart();
       *words = "started anew";
       return true;
     };
-    services_ = {advertiseTrigger(nh, "save", [this](std::string* words) { return session_->save(words); }),
-                 advertiseTrigger(nh, "start", begin),
-                 advertiseTrigger(nh, "reset", begin),
-                 advertiseTrigger(nh, "freeze", [this](std::string* words) { return session_->freeze(words); }),
-                 advertiseTrigger(nh, "resume", begin),
-                 advertiseTrigger(nh, "stop", [this](std::string* words) {
-                   tell("stop");
-                   session_->finish();
-                   *words = "stopped; the estimate is final, save writes it";
-                   return true;
-                 })};
+    advertise("save", [this](std::string* words) { return session_->save(words); });
+    advertise("start", begin);
+    advertise("reset", begin);
+    advertise("resume", begin);
+    advertise("freeze", [this](std::string* words) { return session_->freeze(words); });
+    advertise("flush", [this](std::string*) { return session_->flush(), true; });
+    advertise("stop", [this](std::string* words) {
+      tell("stop");
+      session_->finish();
+      *words = "stopped; the estimate is final, save writes it";
+      return true;
+    });
+  }
+
+  /// A service that acts once there is a session; before, it says what the session waits for.
+  void advertise(const std::string& name, std::function<bool(std::string* words)> act) {
+    services_.push_back(advertiseTrigger(getNodeHandle(), name, [this, act](std::string* words) {
+      if (session_) return act(words);
+      *words = "nothing is running yet: " + camera_source_->missing();
+      return false;
+    }));
   }
 
   /// To the two calibrators.

@@ -30,6 +30,11 @@ class VisualInertialNodelet : public nodelet::Nodelet {
     if (!rig_.camera) NODELET_INFO("the rig has no camera: nothing to do here");
     camera_source_ = std::make_unique<CameraModelSource>(
         getNodeHandle(), rig_, [this](const std::optional<CameraModel>& camera) { start(camera); });
+    flush_service_ = advertiseTrigger(getPrivateNodeHandle(), "flush", [this](std::string* words) {
+      *words = camera_source_->missing();
+      if (session_) session_->flush();
+      return words->empty();
+    });
   } catch (const std::exception& error) {
     endOnError(getName(), error.what());
   }
@@ -48,10 +53,6 @@ class VisualInertialNodelet : public nodelet::Nodelet {
       };
       subscribers_.push_back(subscribeImages(nh, rig_.camera->topic, take, take));
     }
-    flush_service_ = advertiseTrigger(getPrivateNodeHandle(), "flush", [this](std::string*) {
-      if (session_) session_->flush();
-      return true;
-    });
   } catch (const std::exception& error) {
     endOnError(getName(), error.what());
   }

@@ -8,6 +8,11 @@
 #include "cocalib/ros/camera_info.h"
 
 namespace cocalib {
+namespace {
+
+constexpr double kReminderS = 5.0;
+
+}  // namespace
 
 CameraModelSource::CameraModelSource(ros::NodeHandle nh, const RigConfig& rig, Callback on_model)
     : on_model_(std::move(on_model)) {
@@ -16,21 +21,37 @@ CameraModelSource::CameraModelSource(ros::NodeHandle nh, const RigConfig& rig, C
     return;
   }
   topic_ = rig.camera->info_topic;
-  ROS_INFO("waiting for the camera model on %s", topic_.c_str());
+  missing_ = "waiting for the camera model on " + topic_ +
+             "; start the camera's driver, or name model, intrinsics and distortion in the rig file";
+  ROS_INFO("%s", missing_.c_str());
+  reminder_ = nh.createWallTimer(ros::WallDuration(kReminderS),
+                                 [this](const ros::WallTimerEvent&) { ROS_WARN("%s", missing().c_str()); });
+  const std::lock_guard<std::mutex> lock(mutex_);  // the first message may come before the assignment
   subscriber_ = nh.subscribe(topic_, 5, &CameraModelSource::onInfo, this);
+}
+
+std::string CameraModelSource::missing() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return missing_;
 }
 
 void CameraModelSource::onInfo(const sensor_msgs::CameraInfo& msg) {
   if (!on_model_) return;
   std::string problem;
   const std::optional<CameraModel> model = readCameraInfo(msg, &problem);
-  if (!model) {
-    ROS_WARN_THROTTLE(5.0, "%s: %s", topic_.c_str(), problem.c_str());
-    return;
-  }
+  if (!model) return complain("waiting for a camera model: what comes on " + topic_ + " cannot be used: " + problem);
+  reminder_.stop();
   const Callback on_model = std::exchange(on_model_, nullptr);
   on_model(model);
+  const std::lock_guard<std::mutex> lock(mutex_);
+  missing_.clear();
   subscriber_.shutdown();
+}
+
+void CameraModelSource::complain(const std::string& words) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (words != missing_) ROS_WARN("%s", words.c_str());
+  missing_ = words;
 }
 
 bool isCompressedTopic(const std::string& topic) {

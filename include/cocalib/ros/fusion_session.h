@@ -53,6 +53,8 @@ class FusionSession {
   void restart();
   /// Takes no more data and does the last round over all of it; returns when it is done.
   void finish();
+  /// Returns when everything handed over before has been worked in.
+  void flush() { worker_.drain(); }
   /// Holds the estimate: static transforms, and a watch over the mountings until restart(). @return whether there was
   /// one
   bool freeze(std::string* words);

@@ -1,0 +1,78 @@
+/// What the services answer while the camera's driver has not come yet, or says what cannot be used.
+
+#include <gtest/gtest.h>
+#include <ros/ros.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <std_srvs/Trigger.h>
+
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace cocalib {
+namespace {
+
+const std::vector<std::string> kSessionServices = {"save", "reset", "start", "stop", "freeze", "resume", "flush"};
+
+bool waitFor(const std::function<bool()>& condition, double seconds) {
+  const ros::WallTime end = ros::WallTime::now() + ros::WallDuration(seconds);
+  while (!condition() && ros::WallTime::now() < end) ros::WallDuration(0.05).sleep();
+  return condition();
+}
+
+std_srvs::TriggerResponse answerOf(const std::string& service) {
+  std_srvs::Trigger trigger;
+  EXPECT_TRUE(ros::service::call("/cocalib/" + service, trigger)) << service;
+  return trigger.response;
+}
+
+sensor_msgs::CameraInfo cameraInfo(double focal_length) {
+  sensor_msgs::CameraInfo info;
+  info.width = 376;
+  info.height = 240;
+  info.distortion_model = "plumb_bob";
+  info.D = {-0.12, 0.04, 0.0006, -0.0004, 0.0};
+  info.K = {focal_length, 0.0, 187.5, 0.0, focal_length, 119.5, 0.0, 0.0, 1.0};
+  return info;
+}
+
+TEST(Waiting, EveryServiceSaysWhatIsMissing) {
+  ros::NodeHandle nh;
+  std::vector<std::string> all = kSessionServices;
+  all.insert(all.end(), {"visual_inertial/flush", "lidar_inertial/flush"});
+  for (const std::string& service : all) ASSERT_TRUE(ros::service::waitForService("/cocalib/" + service, 10000));
+  all.pop_back();
+  for (const std::string& service : all) {
+    const std_srvs::TriggerResponse answer = answerOf(service);
+    EXPECT_FALSE(answer.success) << service;
+    EXPECT_NE(answer.message.find("waiting for the camera model on /camera/camera_info"), std::string::npos)
+        << service << ": " << answer.message;
+  }
+  EXPECT_TRUE(answerOf("lidar_inertial/flush").success);  // needs no camera
+
+  // A driver without a calibration, as most are delivered.
+  ros::Publisher publisher = nh.advertise<sensor_msgs::CameraInfo>("/camera/camera_info", 5, true);
+  publisher.publish(cameraInfo(0.0));
+  const auto complains = [] { return answerOf("save").message.find("cannot be used") != std::string::npos; };
+  EXPECT_TRUE(waitFor(complains, 5.0)) << answerOf("save").message;
+  EXPECT_FALSE(answerOf("stop").success);
+
+  publisher.publish(cameraInfo(230.0));
+  for (const std::string service : {"visual_inertial/flush", "flush"}) {
+    EXPECT_TRUE(waitFor([&] { return answerOf(service).success; }, 5.0)) << answerOf(service).message;
+  }
+  for (const std::string& service : kSessionServices) {
+    const std_srvs::TriggerResponse answer = answerOf(service);
+    EXPECT_EQ(answer.success, service != "freeze") << service << ": " << answer.message;
+    EXPECT_EQ(answer.message.find("waiting for"), std::string::npos) << service << ": " << answer.message;
+  }
+}
+
+}  // namespace
+}  // namespace cocalib
+
+int main(int argc, char** argv) {
+  testing::InitGoogleTest(&argc, argv);
+  ros::init(argc, argv, "waiting");
+  return RUN_ALL_TESTS();
+}
