@@ -6,7 +6,8 @@
 namespace cocalib {
 namespace {
 
-constexpr double kLongestStepS = 0.1;  // what lies behind a longer gap was not seen
+constexpr double kLongestGapS = 0.1;  // what lies behind a longer gap was not seen
+constexpr TimeNs kStepNs = 100'000'000;
 
 }  // namespace
 
@@ -15,15 +16,19 @@ void MotionCoverage::add(const ImuSample& sample) {
   if (last_) {
     const double dt = toSeconds(sample.stamp - last_->stamp);
     if (dt <= 0.0 && dt > -1.0) return;
-    if (dt > 0.0 && dt < kLongestStepS) {
+    if (dt > 0.0 && dt < kLongestGapS) {
       duration_s_ += dt;
-      turned_rad_ += dt * sample.gyro.cwiseAbs();
+      step_rad_ += dt * sample.gyro;
       rate_square_ += dt * sample.gyro.cwiseAbs2();
       accel_sum_ += dt * sample.accel;
       accel_square_ += dt * sample.accel.cwiseAbs2();
     }
   }
   last_ = sample;
+  if (std::abs(sample.stamp - step_begin_) < kStepNs) return;
+  turned_rad_ += step_rad_.cwiseAbs();
+  step_rad_.setZero();
+  step_begin_ = sample.stamp;
 }
 
 Eigen::Vector3d MotionCoverage::rms_rad_s() const {

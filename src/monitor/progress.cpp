@@ -55,15 +55,29 @@ Weakest weakestOf(const CalibrationEstimate& estimate, const ObservabilityThresh
   return weakest;
 }
 
-/// Of the IMU's axes across `direction`, the one about which the rig has turned least.
-int axisAcross(const Eigen::Vector3d& direction, const Eigen::Vector3d& turned_rad) {
-  int along = 0, best = -1;
-  direction.cwiseAbs().maxCoeff(&along);
+/// The IMU axis about which the rig has turned least, other than `along` (-1: any). Of two that hardly differ the first
+/// one, so that the advice does not change with every estimate.
+int leastTurned(const Eigen::Vector3d& turned_rad, int along) {
+  constexpr double kLess_rad = 0.1, kLess = 0.1;
+  int best = -1;
   for (int axis = 0; axis < 3; ++axis) {
     if (axis == along) continue;
-    if (best < 0 || turned_rad[axis] < turned_rad[best]) best = axis;
+    if (best < 0 || turned_rad[axis] < turned_rad[best] - std::max(kLess_rad, kLess * turned_rad[best])) best = axis;
   }
   return best;
+}
+
+/// How well one parameter of a pose is known, in words.
+std::string knowledge(int row, double sigma, const ObservabilityThresholds& thresholds) {
+  const char* axis = kAxes[row % 3];
+  if (row < 3) {
+    const std::string what = format("translation along imu %s ", axis);
+    return what + (sigma > thresholds.unobservable_translation_m ? "does not show yet"
+                                                                 : format("is known to %.1f mm", 1e3 * sigma));
+  }
+  const std::string what = format("rotation about imu %s ", axis);
+  return what + (sigma > thresholds.unobservable_rotation_rad ? "does not show yet"
+                                                              : format("is known to %.3f deg", kDeg * sigma));
 }
 
 MotionHint turnAbout(int axis, const std::string& why) {
@@ -84,10 +98,9 @@ std::string sensorWords(const char* name, const SensorVerdict& verdict, const Ob
 std::optional<MotionHint> adviseMotion(const CalibrationEstimate& estimate, const Eigen::Vector3d& turned_rad,
                                        const ObservabilityThresholds& thresholds) {
   if (!estimate.camera.valid && !estimate.lidar.valid) {
-    int axis = 0;
-    turned_rad.minCoeff(&axis);
-    return turnAbout(axis, format("the rig has turned %.0f, %.0f, %.0f deg about x, y, z so far", kDeg * turned_rad.x(),
-                                  kDeg * turned_rad.y(), kDeg * turned_rad.z()));
+    return turnAbout(leastTurned(turned_rad, -1),
+                     format("the rig has turned %.0f, %.0f, %.0f deg about x, y, z so far", kDeg * turned_rad.x(),
+                            kDeg * turned_rad.y(), kDeg * turned_rad.z()));
   }
   const Weakest weakest = weakestOf(estimate, thresholds);
   if (weakest.size <= 1.0) return std::nullopt;
@@ -96,11 +109,10 @@ std::optional<MotionHint> adviseMotion(const CalibrationEstimate& estimate, cons
   int along = 0;
   direction.cwiseAbs().maxCoeff(&along);
   // A lever arm shows when the rig turns across it, an angle of the mounting when it turns about the other two axes.
-  const double sigma = std::sqrt(weakest.covariance(along + (translation ? 0 : 3), along + (translation ? 0 : 3)));
-  const std::string known = translation
-                                ? format("translation along imu %s is known to %.1f mm", kAxes[along], 1e3 * sigma)
-                                : format("rotation about imu %s is known to %.3f deg", kAxes[along], kDeg * sigma);
-  return turnAbout(axisAcross(direction, turned_rad), std::string(weakest.sensor) + " " + known);
+  const int row = along + (translation ? 0 : 3);
+  const double sigma = std::sqrt(weakest.covariance(row, row));
+  return turnAbout(leastTurned(turned_rad, along),
+                   std::string(weakest.sensor) + " " + knowledge(row, sigma, thresholds));
 }
 
 void ProgressForecast::add(const CalibrationEstimate& estimate) {

@@ -122,6 +122,7 @@ void Scenario::validate() const {
   requireRange("duration", duration_s, 1.0, 36000.0, "s");
   requireRange("gravity", gravity, 9.7, 9.9, "m/s^2");
   requireRange("ramp", ramp_s, 0.5, 60.0, "s");
+  requireRange("planar_for", planar_for_s, 0.0, 36000.0, "s");
   validateImu(imu);
   if (camera.present) validateCamera(camera);
   validateLidar(lidar);

@@ -207,6 +207,7 @@ Scenario readScenario(const YAML::Node& root) {
   block.read("duration", scenario.duration_s);
   block.read("gravity", scenario.gravity);
   block.read("ramp", scenario.ramp_s);
+  block.read("planar_for", scenario.planar_for_s);
   block.readChoice(
       "place", scenario.place,
       {{"room", Place::kRoom}, {"corridor", Place::kCorridor}, {"wall", Place::kWall}, {"building", Place::kBuilding}});

@@ -58,7 +58,10 @@ std::array<bool, 6> movedAxes(Motion motion) {
 }  // namespace
 
 Trajectory::Trajectory(const Scenario& scenario)
-    : epoch_(scenario.epoch), ramp_s_(scenario.ramp_s), driven_(scenario.place == Place::kBuilding) {
+    : epoch_(scenario.epoch),
+      ramp_s_(scenario.ramp_s),
+      planar_for_s_(scenario.planar_for_s),
+      driven_(scenario.place == Place::kBuilding) {
   const AxisTable& table = scenario.motion == Motion::kMild ? mildTable() : fullTable();
   const std::array<bool, 6> moved = movedAxes(scenario.motion);
   Random random(scenario.seed, Random::Stream::kMotion);
@@ -66,7 +69,7 @@ Trajectory::Trajectory(const Scenario& scenario)
     for (const Term& term : table[i]) {
       const double drawn = random.uniform(0.0, kTwoPi);
       const double phase = scenario.seed == 1 ? term.phase : drawn;
-      if (moved[i]) axes_[i].push_back({term.amplitude, kTwoPi * term.frequency_hz, phase});
+      if (moved[i]) sinusoids_[i].push_back({term.amplitude, kTwoPi * term.frequency_hz, phase});
     }
   }
 }
@@ -86,7 +89,7 @@ Eigen::Vector3d Trajectory::ramp(double t) const {
 
 Eigen::Vector3d Trajectory::axis(int index, double t, const Eigen::Vector3d& ramp, int derivatives) const {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  for (const Sinusoid& s : axes_[index]) {
+  for (const Sinusoid& s : sinusoids_[index]) {
     const double angle = s.omega * t + s.phase;
     const double sine = std::sin(angle);
     sum[0] += s.amplitude * sine;
@@ -98,7 +101,7 @@ Eigen::Vector3d Trajectory::axis(int index, double t, const Eigen::Vector3d& ram
           ramp[2] * sum[0] + 2.0 * ramp[1] * sum[1] + ramp[0] * sum[2]};
 }
 
-void Trajectory::addDrive(double t, const Eigen::Vector3d& ramp, Eigen::Vector3d axes[6]) const {
+void Trajectory::addDrive(double t, const Eigen::Vector3d& ramp, Axes* axes) const {
   if (!driven_ || t <= 0.0) return;
   // The speed along the way swells with the ramp, so the way is its integral.
   const double u = std::min(t / ramp_s_, 1.0);
@@ -108,25 +111,31 @@ void Trajectory::addDrive(double t, const Eigen::Vector3d& ramp, Eigen::Vector3d
   const double rate = drive::kRate * ramp[0], acceleration = drive::kRate * ramp[1];
   const drive::Point way = drive::at(angle);
   for (int i = 0; i < 2; ++i) {
-    axes[i] += Eigen::Vector3d(way.p[i], way.dp[i] * rate, way.ddp[i] * rate * rate + way.dp[i] * acceleration);
+    (*axes)[static_cast<std::size_t>(i)] +=
+        Eigen::Vector3d(way.p[i], way.dp[i] * rate, way.ddp[i] * rate * rate + way.dp[i] * acceleration);
   }
-  axes[5] += Eigen::Vector3d(angle, rate, acceleration);
+  axes->back() += Eigen::Vector3d(angle, rate, acceleration);
+}
+
+Trajectory::Axes Trajectory::axes(double t, int derivatives) const {
+  const Eigen::Vector3d swell = ramp(t), late_swell = ramp(t - planar_for_s_);
+  Axes axes;
+  for (int i = 0; i < 6; ++i) {
+    const bool planar = i < 2 || i == 5;
+    axes[static_cast<std::size_t>(i)] = axis(i, t, planar ? swell : late_swell, derivatives);
+  }
+  addDrive(t, swell, &axes);
+  return axes;
 }
 
 Pose Trajectory::T_W_I(double t) const {
-  const Eigen::Vector3d s = ramp(t);
-  Eigen::Vector3d axes[6];
-  for (int i = 0; i < 6; ++i) axes[i] = axis(i, t, s, 0);
-  addDrive(t, s, axes);
+  const Axes axes = this->axes(t, 0);
   const Eigen::Quaterniond q(rotationFromRpy({axes[3][0], axes[4][0], axes[5][0]}));
   return {q, restPosition() + Eigen::Vector3d(axes[0][0], axes[1][0], axes[2][0])};
 }
 
 Trajectory::Kinematics Trajectory::at(double t) const {
-  const Eigen::Vector3d s = ramp(t);
-  Eigen::Vector3d axes[6];
-  for (int i = 0; i < 6; ++i) axes[i] = axis(i, t, s, 2);
-  addDrive(t, s, axes);
+  const Axes axes = this->axes(t, 2);
   Kinematics k;
   const double roll = axes[3][0], pitch = axes[4][0];
   const double roll_rate = axes[3][1], pitch_rate = axes[4][1], yaw_rate = axes[5][1];

@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <random>
+
 namespace cocalib {
 namespace {
 
@@ -15,12 +18,27 @@ TEST(MotionCoverage, AddsUpTurningBackAndForth) {
     coverage.add(sample);
   }
   EXPECT_NEAR(coverage.duration_s(), 2.0, 1e-9);
-  EXPECT_NEAR(coverage.turned_rad().x(), 2.0, 1e-9);
+  EXPECT_NEAR(coverage.turned_rad().x(), 2.0, 0.01 + 1e-9);  // a sample of 5 ms came back within its tenth of a second
   EXPECT_NEAR(coverage.turned_rad().z(), 1.0, 1e-9);
   EXPECT_NEAR(coverage.rms_rad_s().x(), 1.0, 1e-9);
   EXPECT_NEAR(coverage.rms_rad_s().y(), 0.0, 1e-12);
   EXPECT_NEAR(coverage.shaken_m_s2().x(), 1.0, 1e-9);
   EXPECT_NEAR(coverage.shaken_m_s2().z(), 0.0, 1e-5);  // gravity is no shaking
+}
+
+TEST(MotionCoverage, TakesNoiseForNoTurning) {
+  // A minute at rest: white noise of 0.01 deg/s/sqrt(Hz) is 0.032 deg/s over a tenth of a second, 1.5 deg a minute;
+  // over single samples it would be 10 deg.
+  std::mt19937 generator(3);
+  std::normal_distribution<double> noise(0.0, 1.745e-4 * std::sqrt(400.0));
+  MotionCoverage coverage;
+  for (int i = 0; i < 60 * 400; ++i) {
+    ImuSample sample;
+    sample.stamp = i * 2'500'000LL;
+    sample.gyro = {noise(generator), noise(generator), noise(generator)};
+    coverage.add(sample);
+  }
+  EXPECT_LT(coverage.turned_rad().maxCoeff(), 2.0 * M_PI / 180.0);
 }
 
 TEST(MotionCoverage, CountsNoGapAndNoRepetition) {

@@ -30,9 +30,13 @@ TEST(MotionHint, NamesTheMissingRotationOfAPlanarDrive) {
   ASSERT_TRUE(hint);
   EXPECT_EQ(hint->axis_I, Eigen::Vector3d::UnitX());
   EXPECT_NE(hint->words.find("turn about imu x"), std::string::npos) << hint->words;
-  EXPECT_NE(hint->words.find("lidar translation along imu z is known to 300.0 mm"), std::string::npos) << hint->words;
-  // Once it has turned about x more than about y, y is what helps.
+  EXPECT_NE(hint->words.find("lidar translation along imu z does not show yet"), std::string::npos) << hint->words;
+  // Once it has turned about x more than about y, y is what helps; a little more does not count.
   EXPECT_EQ(adviseMotion(planar, {2.0, 0.4, 30.0}, kThresholds)->axis_I, Eigen::Vector3d::UnitY());
+  EXPECT_EQ(adviseMotion(planar, {2.0, 1.9, 30.0}, kThresholds)->axis_I, Eigen::Vector3d::UnitX());
+  planar.covariance(8, 8) = 0.02 * 0.02;
+  EXPECT_NE(adviseMotion(planar, {0.1, 0.4, 30.0}, kThresholds)->words.find("imu z is known to 20.0 mm"),
+            std::string::npos);
 }
 
 TEST(MotionHint, NamesTheRotationAcrossAnUnknownAngle) {

@@ -13,9 +13,10 @@ TEST(Trajectory, DerivativesMatchDifferencesAlsoWhileTheMotionSwells) {
   for (const std::uint64_t seed : {1U, 7U}) {
     Scenario scenario;
     scenario.seed = seed;
+    scenario.planar_for_s = 9.0;
     const Trajectory trajectory(scenario);
     constexpr double h = 1e-4;
-    for (const double t : {-0.05, 0.2, 0.75, 1.4, 1.6, 9.3, 55.0}) {
+    for (const double t : {-0.05, 0.2, 0.75, 1.4, 1.6, 9.3, 10.6, 55.0}) {
       const Trajectory::Kinematics k = trajectory.at(t);
       const Pose before = trajectory.T_W_I(t - h), after = trajectory.T_W_I(t + h);
       EXPECT_LT(((after.t - before.t) / (2 * h) - k.v_W).norm(), 1e-5) << t;
@@ -86,6 +87,18 @@ TEST(Trajectory, MotionsMoveOnlyTheirAxes) {
     EXPECT_EQ(translation.bodyRate(t).norm(), 0.0);
     EXPECT_EQ(still.velocity(t).norm() + still.bodyRate(t).norm(), 0.0);
   }
+}
+
+TEST(Trajectory, PlanarAtFirstIsFullLater) {
+  Scenario scenario;
+  const Trajectory full(scenario);
+  scenario.planar_for_s = 12.0;
+  const Trajectory late(scenario);
+  for (double t = 0.0; t <= 12.0; t += 0.37) {
+    EXPECT_EQ(late.velocity(t).z(), 0.0);
+    EXPECT_EQ(late.bodyRate(t).head<2>().norm(), 0.0);
+  }
+  for (double t = 12.0 + scenario.ramp_s; t < 20.0; t += 0.37) EXPECT_EQ(late.bodyRate(t), full.bodyRate(t));
 }
 
 TEST(Trajectory, SeedsMoveDifferently) {

@@ -15,8 +15,9 @@ class MotionCoverage {
   void clear() { *this = MotionCoverage(); }
 
   double duration_s() const { return duration_s_; }
-  /// Turned about each axis of the IMU, back and forth added up [rad].
-  const Eigen::Vector3d& turned_rad() const { return turned_rad_; }
+  /// Turned about each axis of the IMU, back and forth added up; what comes and goes within a tenth of a second is
+  /// taken for noise, which would add up to degrees a minute [rad].
+  Eigen::Vector3d turned_rad() const { return turned_rad_ + step_rad_.cwiseAbs(); }
   /// RMS angular rate about each axis [rad/s].
   Eigen::Vector3d rms_rad_s() const;
   /// RMS of the specific force about its mean, along each axis: shaking and tilting [m/s^2].
@@ -26,6 +27,8 @@ class MotionCoverage {
   std::optional<ImuSample> last_;
   double duration_s_ = 0.0;
   Eigen::Vector3d turned_rad_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d step_rad_ = Eigen::Vector3d::Zero();  // turned since step_begin_, with its sign
+  TimeNs step_begin_ = 0;
   Eigen::Vector3d rate_square_ = Eigen::Vector3d::Zero(), accel_sum_ = Eigen::Vector3d::Zero(),
                   accel_square_ = Eigen::Vector3d::Zero();  // integrals over time
 };

@@ -13,11 +13,12 @@ namespace cocalib {
 /// The motion that would help most now.
 struct MotionHint {
   Eigen::Vector3d axis_I;  ///< turn about it, back and forth; unit length, IMU frame
-  std::string words;       ///< "turn about imu y, back and forth: camera translation along imu z is known to 80 mm"
+  std::string words;       ///< "turn about imu y, back and forth: camera translation along imu z is known to 8.0 mm"
 };
 
 /// From the covariance, measured in thresholds: its largest direction is what is known least, and turning about an axis
-/// across that direction shows it; of those axes, the one about which the rig has turned least.
+/// across that direction shows it; of those axes, the one about which the rig has turned least (of two that hardly
+/// differ, the first).
 /// @param turned_rad  turned about each axis of the IMU so far, back and forth added up [rad]
 /// @return nothing once every direction is within its threshold
 std::optional<MotionHint> adviseMotion(const CalibrationEstimate& estimate, const Eigen::Vector3d& turned_rad,

@@ -49,7 +49,8 @@ struct Scenario {
   double gravity = 9.80665;                        ///< [m/s^2]
   Place place = Place::kRoom;
   Motion motion = Motion::kFull;
-  double ramp_s = 1.5;  ///< the motion swells from standstill within this time
+  double ramp_s = 1.5;      ///< the motion swells from standstill within this time
+  double planar_for_s = 0;  ///< z, roll and pitch rest for so long before they swell too
 
   struct Imu {
     double rate_hz = 400.0;

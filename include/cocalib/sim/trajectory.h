@@ -39,16 +39,18 @@ class Trajectory {
   struct Sinusoid {
     double amplitude, omega, phase;
   };
-  /// Value and `derivatives` first derivatives of one axis (0-2 position, 3-5 roll pitch yaw).
+  using Axes = std::array<Eigen::Vector3d, 6>;  // x y z roll pitch yaw, each with its first two derivatives
+  /// @param derivatives  0 or 2: how many of them are needed
+  Axes axes(double t, int derivatives) const;
   Eigen::Vector3d axis(int index, double t, const Eigen::Vector3d& ramp, int derivatives) const;
   Eigen::Vector3d ramp(double t) const;
   /// Adds the way through the building to x, y and yaw; nothing in a room.
-  void addDrive(double t, const Eigen::Vector3d& ramp, Eigen::Vector3d axes[6]) const;
+  void addDrive(double t, const Eigen::Vector3d& ramp, Axes* axes) const;
 
   TimeNs epoch_;
-  double ramp_s_;
+  double ramp_s_, planar_for_s_;
   bool driven_;
-  std::array<std::vector<Sinusoid>, 6> axes_;
+  std::array<std::vector<Sinusoid>, 6> sinusoids_;
 };
 
 }  // namespace cocalib::sim
