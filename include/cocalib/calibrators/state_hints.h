@@ -31,7 +31,8 @@ class StateHints {
 };
 
 /// Appends nodes to a window from hints in another world. Both worlds are gravity-aligned, so they differ by a turn
-/// about the vertical and a shift, taken at the window's last node.
+/// about the vertical and a shift, taken at the window's last node; and taken anew where the hints jump, because the
+/// calibrator that gives them has started anew.
 class HintedNodes {
  public:
   /// Both must outlive this.
@@ -42,6 +43,8 @@ class HintedNodes {
 
  private:
   void addNodeAt(TimeNs stamp);
+  /// A node as the inertial data between carry it to `stamp`.
+  NavState carriedOn(const NavState& node, TimeNs stamp) const;
 
   const StateHints& hints_;
   InertialWindow* window_;
