@@ -75,6 +75,7 @@ void FusionSession::addVisual(const VisualKeyframeConstPtr& msg) {
       display_.addState(*keyframe.state);
     }
     status_.addKeyframe(keyframe);
+    if (keyframe.board) display_.addBoard(keyframe.stamp, *keyframe.board);
     pipeline_.addVisual(std::move(keyframe));
     solveIfDue();
   });

@@ -1,16 +1,20 @@
 #include "cocalib/ros/live_display.h"
 
 #include <cv_bridge/cv_bridge.h>
+#include <ros/single_subscriber_publisher.h>
 #include <sensor_msgs/Image.h>
 
 #include <boost/make_shared.hpp>
 
 #include "cocalib/estimation/observability.h"
+#include "cocalib/ros/board_views.h"
 #include "cocalib/ros/conversions.h"
 #include "cocalib/ros/marker_messages.h"
 
 namespace cocalib {
 namespace {
+
+constexpr TimeNs kBoardsNs = 4'000'000'000;  // scenes are as old as that when their state comes
 
 sensor_msgs::ImagePtr toImageMsg(const cv::Mat& picture, TimeNs stamp, const std::string& frame) {
   std_msgs::Header header;
@@ -24,12 +28,39 @@ sensor_msgs::ImagePtr toImageMsg(const cv::Mat& picture, TimeNs stamp, const std
 LiveDisplay::LiveDisplay(ros::NodeHandle nh, const RigConfig& rig, const FrameNames& frames)
     : rig_(rig),
       frames_(frames),
-      overlay_publisher_(nh.advertise<sensor_msgs::Image>("overlay", 2)),
-      convergence_publisher_(nh.advertise<sensor_msgs::Image>("convergence", 1, true)),
-      marker_publisher_(nh.advertise<visualization_msgs::MarkerArray>("markers", 1, true)),
       newest_(rig, SceneCollector::Keep::kNewest),
       spread_(rig, SceneCollector::Keep::kSpread),
-      worker_({1}) {}
+      worker_({1, 1, 1}) {
+  advertise(nh);
+}
+
+LiveDisplay::~LiveDisplay() {
+  worker_.stop();
+  overlay_publisher_.shutdown();  // their subscribers' coming uses all of this
+  convergence_publisher_.shutdown();
+  marker_publisher_.shutdown();
+}
+
+void LiveDisplay::advertise(ros::NodeHandle nh) {
+  const ros::SubscriberStatusCallback on_overlay = [this](const ros::SingleSubscriberPublisher&) {
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      last_drawn_ = 0;  // draw it once more
+    }
+    worker_.post(kOverlay, [this] { drawNewestOverlay(); });
+  };
+  const ros::SubscriberStatusCallback on_convergence = [this](const ros::SingleSubscriberPublisher&) {
+    worker_.post(kConvergence, [this] { publishConvergence(); });
+  };
+  const ros::SubscriberStatusCallback on_markers = [this](const ros::SingleSubscriberPublisher& subscriber) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    subscriber.publish(markers_);
+  };
+  const ros::SubscriberStatusCallback on_leaving;
+  overlay_publisher_ = nh.advertise<sensor_msgs::Image>("overlay", 2, on_overlay, on_leaving);
+  convergence_publisher_ = nh.advertise<sensor_msgs::Image>("convergence", 1, on_convergence, on_leaving);
+  marker_publisher_ = nh.advertise<visualization_msgs::MarkerArray>("markers", 5, on_markers, on_leaving);
+}
 
 void LiveDisplay::setCamera(const std::optional<CameraModel>& camera) {
   const std::lock_guard<std::mutex> lock(mutex_);
@@ -60,7 +91,14 @@ void LiveDisplay::addCloud(const sensor_msgs::PointCloud2ConstPtr& msg) {
     newest_.addCloud(msg);
     spread_.addCloud(msg);
   }
-  if (overlay_publisher_.getNumSubscribers() > 0) worker_.post(0, [this] { drawNewestOverlay(); });
+  if (overlay_publisher_.getNumSubscribers() > 0) worker_.post(kOverlay, [this] { drawNewestOverlay(); });
+  if (marker_publisher_.getNumSubscribers() > 0) worker_.post(kBoard, [this] { publishBoardViews(); });
+}
+
+void LiveDisplay::addBoard(TimeNs stamp, const BoardObservation& corners) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  boards_[stamp] = corners;
+  boards_.erase(boards_.begin(), boards_.lower_bound(stamp - kBoardsNs));
 }
 
 void LiveDisplay::addState(const NavState& state) {
@@ -84,7 +122,11 @@ void LiveDisplay::setHint(const std::string& words, const std::optional<MotionHi
   }
   addHint(words, hint, frames_, &markers);
   marker_publisher_.publish(markers);
-  worker_.post(0, [this] { publishConvergence(); });
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    markers_ = std::move(markers);
+  }
+  worker_.post(kConvergence, [this] { publishConvergence(); });
 }
 
 void LiveDisplay::reset() {
@@ -94,7 +136,8 @@ void LiveDisplay::reset() {
   log_.clear();
   estimate_ = CalibrationEstimate();
   T_W_B_.reset();
-  last_drawn_ = 0;
+  boards_.clear();
+  last_drawn_ = last_viewed_ = 0;
 }
 
 RunResult LiveDisplay::result(const CalibrationEstimate& estimate) const {
@@ -144,6 +187,26 @@ void LiveDisplay::publishConvergence() {
     stamp = estimate_.stamp;
   }
   convergence_publisher_.publish(toImageMsg(log.draw(), stamp, frames_.imu));
+}
+
+void LiveDisplay::publishBoardViews() {
+  std::optional<OverlayScene> scene;
+  std::optional<CameraModel> camera;
+  BoardObservation corners;
+  Calibration calibration;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (!camera_ || !rig_.target || !isSeen(estimate_.camera) || !isSeen(estimate_.lidar)) return;
+    scene = newest_.newest([this](TimeNs stamp) { return stamp > last_viewed_ && boards_.count(stamp) > 0; });
+    if (!scene) return;
+    last_viewed_ = scene->image.stamp;
+    corners = boards_.at(scene->image.stamp);
+    camera = camera_;
+    calibration = estimate_.calibration;
+  }
+  const std::optional<BoardViews> views =
+      viewBoard(*scene, corners, calibration, *camera, *rig_.target, rig_.lidar->range_noise_m);
+  if (views) marker_publisher_.publish(toBoardViewMarkers(*views, *rig_.target, frames_.camera));
 }
 
 }  // namespace cocalib

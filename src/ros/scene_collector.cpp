@@ -146,4 +146,12 @@ std::optional<OverlayScene> SceneCollector::newest() const {
   return decode(candidates_.size() > 1 ? candidates_[candidates_.size() - 2] : candidates_.back());
 }
 
+std::optional<OverlayScene> SceneCollector::newest(const std::function<bool(TimeNs stamp)>& wanted) const {
+  const auto found = std::find_if(candidates_.rbegin(), candidates_.rend(), [&](const Candidate& candidate) {
+    return candidate.state && wanted(candidate.stamp);
+  });
+  if (found == candidates_.rend()) return std::nullopt;
+  return decode(*found);
+}
+
 }  // namespace cocalib

@@ -2,7 +2,10 @@
 
 #include <ros/node_handle.h>
 #include <ros/publisher.h>
+#include <visualization_msgs/MarkerArray.h>
 
+#include <cstddef>
+#include <map>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -22,6 +25,7 @@ namespace cocalib {
 class LiveDisplay {
  public:
   LiveDisplay(ros::NodeHandle nh, const RigConfig& rig, const FrameNames& frames);
+  ~LiveDisplay();
 
   /// @param camera  nothing for a rig without
   void setCamera(const std::optional<CameraModel>& camera);
@@ -30,6 +34,8 @@ class LiveDisplay {
   void addImage(const sensor_msgs::CompressedImageConstPtr& msg);
   void addCloud(const sensor_msgs::PointCloud2ConstPtr& msg);
   void addState(const NavState& state);
+  /// Where the board was found in a picture.
+  void addBoard(TimeNs stamp, const BoardObservation& corners);
   void setEstimate(const CalibrationEstimate& estimate, const std::optional<Pose>& T_W_B);
   /// What stands above the rig, and which motion is asked for; publishes all markers. To be called about once a second.
   void setHint(const std::string& words, const std::optional<MotionHint>& hint);
@@ -39,8 +45,12 @@ class LiveDisplay {
   RunResult result(const CalibrationEstimate& estimate) const;
 
  private:
+  enum Lane : std::size_t { kOverlay, kConvergence, kBoard };
+  /// Who comes late, when there may be no more data, gets the newest of everything.
+  void advertise(ros::NodeHandle nh);
   void drawNewestOverlay();
   void publishConvergence();
+  void publishBoardViews();
 
   const RigConfig rig_;
   const FrameNames frames_;
@@ -51,7 +61,9 @@ class LiveDisplay {
   ConvergenceLog log_;
   CalibrationEstimate estimate_;
   std::optional<Pose> T_W_B_;
-  TimeNs last_drawn_ = 0;
+  std::map<TimeNs, BoardObservation> boards_;  // of the last seconds, by stamp on the camera's clock
+  visualization_msgs::MarkerArray markers_;    // published last
+  TimeNs last_drawn_ = 0, last_viewed_ = 0;
   Worker worker_;  // last: its jobs use all of the above
 };
 

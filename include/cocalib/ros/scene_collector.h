@@ -6,6 +6,7 @@
 #include <sensor_msgs/PointCloud2.h>
 
 #include <deque>
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -38,6 +39,8 @@ class SceneCollector {
   std::vector<OverlayScene> some(std::size_t count) const;
   /// The newest scene that has a state, or the newest at all.
   std::optional<OverlayScene> newest() const;
+  /// The newest scene that has a state and whose picture has this property.
+  std::optional<OverlayScene> newest(const std::function<bool(TimeNs stamp)>& wanted) const;
 
  private:
   struct Candidate {

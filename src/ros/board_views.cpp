@@ -1,0 +1,98 @@
+#include "cocalib/ros/board_views.h"
+
+#include "cocalib/lidar/board_segmenter.h"
+#include "cocalib/ros/conversions.h"
+#include "cocalib/visual/board_detector.h"
+
+namespace cocalib {
+namespace {
+
+using visualization_msgs::Marker;
+
+// How far off the calibration may be for the plate to be found still: a start, not a result.
+constexpr double kTolerance_m = 0.1, kTolerance_rad = 0.05;
+
+Marker makeMarker(const std::string& space, int type, const BoardViews& views, const std::string& frame, double width) {
+  Marker marker;
+  marker.header.frame_id = frame;
+  marker.header.stamp = toRosTime(views.stamp);
+  marker.ns = space;
+  marker.type = type;
+  marker.pose.orientation.w = 1.0;
+  marker.scale.x = marker.scale.y = marker.scale.z = width;
+  marker.color.a = 1.0F;
+  marker.lifetime = ros::Duration(2.0);
+  return marker;
+}
+
+geometry_msgs::Point toPointMsg(const Eigen::Vector3d& p) {
+  geometry_msgs::Point msg;
+  msg.x = p.x();
+  msg.y = p.y();
+  msg.z = p.z();
+  return msg;
+}
+
+Marker makeGrid(const BoardViews& views, const BoardGeometry& board, const std::string& frame) {
+  Marker grid = makeMarker("board, by the camera", Marker::LINE_LIST, views, frame, 0.01);
+  grid.color.g = 0.6F;
+  grid.color.b = 1.0F;
+  const auto add = [&](int corner) { grid.points.push_back(toPointMsg(views.T_C_B * board.corner(corner))); };
+  for (int row = 0; row < board.rows; ++row) {
+    add(row * board.cols);
+    add(row * board.cols + board.cols - 1);
+  }
+  for (int col = 0; col < board.cols; ++col) {
+    add(col);
+    add((board.rows - 1) * board.cols + col);
+  }
+  return grid;
+}
+
+Marker makePoints(const std::string& space, const std::vector<Eigen::Vector3d>& points_C, const BoardViews& views,
+                  const std::string& frame, double width) {
+  Marker points = makeMarker(space, Marker::SPHERE_LIST, views, frame, width);
+  for (const Eigen::Vector3d& p_C : points_C) points.points.push_back(toPointMsg(p_C));
+  if (points_C.empty()) points.action = Marker::DELETE;
+  points.color.r = 1.0F;
+  return points;
+}
+
+}  // namespace
+
+std::optional<BoardViews> viewBoard(const OverlayScene& scene, const BoardObservation& corners,
+                                    const Calibration& calibration, const CameraModel& camera,
+                                    const BoardGeometry& board, double range_noise_m) {
+  const std::optional<Pose> T_C_B = estimateBoardPose(corners, board, camera);
+  if (!T_C_B) return std::nullopt;
+  BoardViews views;
+  views.stamp = scene.image.stamp;
+  views.T_C_B = *T_C_B;
+  const std::vector<Eigen::Vector3d> points_C = pointsInCamera(scene, calibration);
+  // The segmenter wants the sweep as the lidar would have seen it at the time of the picture.
+  const Pose T_L_C = calibration.T_lidar_camera();
+  std::vector<Eigen::Vector3f> points_L;
+  points_L.reserve(points_C.size());
+  for (const Eigen::Vector3d& p_C : points_C) points_L.push_back((T_L_C * p_C).cast<float>());
+  const std::optional<BoardSegment> segment =
+      segmentBoard(scene.scan, points_L, T_L_C * *T_C_B, board, range_noise_m, kTolerance_m, kTolerance_rad);
+  if (!segment) return views;
+  for (const int index : segment->points) views.plate_C.push_back(points_C[static_cast<std::size_t>(index)]);
+  for (const BoardEdgeCrossing& crossing : segment->crossings) {
+    if (crossing.on_index >= 0) views.rim_C.push_back(points_C[static_cast<std::size_t>(crossing.on_index)]);
+  }
+  return views;
+}
+
+visualization_msgs::MarkerArray toBoardViewMarkers(const BoardViews& views, const BoardGeometry& board,
+                                                   const std::string& camera_frame) {
+  visualization_msgs::MarkerArray all;
+  all.markers.push_back(makeGrid(views, board, camera_frame));
+  all.markers.push_back(makePoints("board, by the lidar", views.plate_C, views, camera_frame, 0.025));
+  all.markers.back().color.g = 0.45F;
+  all.markers.push_back(makePoints("board's rim, by the lidar", views.rim_C, views, camera_frame, 0.035));
+  all.markers.back().color.g = 0.9F;
+  return all;
+}
+
+}  // namespace cocalib
