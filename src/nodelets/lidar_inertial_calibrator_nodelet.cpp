@@ -20,6 +20,8 @@ class LidarInertialNodelet : public nodelet::Nodelet {
   ~LidarInertialNodelet() override {
     for (ros::Subscriber& subscriber : subscribers_) subscriber.shutdown();
     flush_service_.shutdown();
+    if (session_) session_->stop();
+    map_publisher_.shutdown();  // its subscribers' coming uses the session
   }
 
  private:
@@ -35,8 +37,8 @@ class LidarInertialNodelet : public nodelet::Nodelet {
       cloud_publisher_ = private_nh.advertise<sensor_msgs::PointCloud2>("points_deskewed", 5);
       raw_publisher_ = private_nh.advertise<sensor_msgs::PointCloud2>("points_raw", 5);
       patch_publisher_ = nh.advertise<visualization_msgs::MarkerArray>("markers", 5);
-      map_publisher_ = private_nh.advertise<sensor_msgs::PointCloud2>("map", 1);
       session_ = std::make_unique<Session>(private_nh, rig, kCloudQueue);
+      advertiseMap(private_nh);
       // Subscribe last: callbacks use everything above.
       subscribers_ = {nh.subscribe(rig.imu.topic, 5000, &Session::addImu, session_.get()),
                       nh.subscribe("estimate", 10, &Session::setJoint, session_.get()),
@@ -51,6 +53,17 @@ class LidarInertialNodelet : public nodelet::Nodelet {
     });
   } catch (const std::exception& error) {
     endOnError(getName(), error.what());
+  }
+
+  /// Who comes late, when there may be no more sweeps, gets the map as it is.
+  void advertiseMap(ros::NodeHandle nh) {
+    const ros::SubscriberStatusCallback on_subscriber = [this](const ros::SingleSubscriberPublisher&) {
+      session_->withPipeline([this](LidarPipeline& pipeline) {
+        const std::optional<DeskewedCloud> cloud = pipeline.calibrator().deskewedCloud();
+        if (cloud) publishMap(pipeline.calibrator(), cloud->stamp);
+      });
+    };
+    map_publisher_ = nh.advertise<sensor_msgs::PointCloud2>("map", 1, on_subscriber, ros::SubscriberStatusCallback());
   }
 
   void onCloud(const sensor_msgs::PointCloud2ConstPtr& msg) {
@@ -78,8 +91,11 @@ class LidarInertialNodelet : public nodelet::Nodelet {
     if (std::abs(toSeconds(cloud->stamp - last_map_)) < kMapPeriodS) return;
     last_map_ = cloud->stamp;
     if (patches_wanted) patch_publisher_.publish(toPatchMarkers(patches, cloud->stamp, FrameNames().world));
-    if (!map_wanted) return;
-    map_publisher_.publish(toCloudMsg(calibrator.map(), cloud->stamp, FrameNames().world));
+    if (map_wanted) publishMap(calibrator, cloud->stamp);
+  }
+
+  void publishMap(const LidarInertialCalibrator& calibrator, TimeNs stamp) {
+    map_publisher_.publish(toCloudMsg(calibrator.map(), stamp, FrameNames().world));
   }
 
   ros::Publisher cloud_publisher_, raw_publisher_, map_publisher_, patch_publisher_;

@@ -3,8 +3,10 @@
 #include <ros/node_handle.h>
 #include <ros/service_server.h>
 #include <ros/subscriber.h>
+#include <ros/time.h>
 #include <std_msgs/String.h>
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -47,6 +49,12 @@ class SensorSession {
     });
   }
 
+  /// Runs act(Pipeline&) on the worker's thread, also while no data are taken.
+  template <typename Act>
+  void withPipeline(Act act) {
+    worker_.post(kControl, [this, act] { act(pipeline_); });
+  }
+
   void setJoint(const CalibrationEstimateConstPtr& msg) {
     if (!(kPart == SensorPart::kCamera ? msg->camera.valid : msg->lidar.valid)) return;
     const Calibration calibration = fromEstimateMsg(*msg).calibration;
@@ -75,6 +83,9 @@ class SensorSession {
     worker_.drain();
   }
 
+  /// Works off nothing more; returns when the running job has ended.
+  void stop() { worker_.stop(); }
+
  private:
   enum Lane : std::size_t { kImu, kData, kControl };
 
@@ -82,7 +93,9 @@ class SensorSession {
   void publish(const std::vector<Keyframe>& keyframes) {
     const std::string& frame = kPart == SensorPart::kCamera ? frames_.camera : frames_.lidar;
     for (const Keyframe& keyframe : keyframes) {
-      keyframe_publisher_.publish(boost::make_shared<KeyframeMsg>(toKeyframeMsg(keyframe, frame)));
+      const auto msg = boost::make_shared<KeyframeMsg>(toKeyframeMsg(keyframe, frame));
+      renumberTracks(msg.get());
+      keyframe_publisher_.publish(msg);
     }
     logNotices(&pipeline_.notices());
     CalibratorDiagnostics diagnostics = pipeline_.diagnostics();
@@ -101,7 +114,15 @@ class SensorSession {
                                                  {"worst latency [s]", worker_.takeWorstLatency()}});
   }
 
+  /// A nodelet that is loaded again counts its tracks from 0 again, but the fuser knows those numbers from before. No
+  /// tracker begins a thousand tracks a second, so milliseconds keep them apart.
+  void renumberTracks(VisualKeyframeMsg* msg) const {
+    for (std::uint32_t& id : msg->track_ids) id += first_track_;
+  }
+  static void renumberTracks(LidarKeyframeMsg*) {}
+
   const FrameNames frames_;
+  const std::uint32_t first_track_ = static_cast<std::uint32_t>(ros::WallTime::now().toNSec() / 1'000'000);
   ros::Publisher keyframe_publisher_, estimate_publisher_;
   DiagnosticsPublisher diagnostics_;
   // Used by worker_ only.
