@@ -25,14 +25,6 @@ Marker makeMarker(const std::string& space, int type, const BoardViews& views, c
   return marker;
 }
 
-geometry_msgs::Point toPointMsg(const Eigen::Vector3d& p) {
-  geometry_msgs::Point msg;
-  msg.x = p.x();
-  msg.y = p.y();
-  msg.z = p.z();
-  return msg;
-}
-
 Marker makeGrid(const BoardViews& views, const BoardGeometry& board, const std::string& frame) {
   Marker grid = makeMarker("board, by the camera", Marker::LINE_LIST, views, frame, 0.01);
   grid.color.g = 0.6F;

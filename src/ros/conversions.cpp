@@ -29,6 +29,14 @@ geometry_msgs::Vector3 toVectorMsg(const Eigen::Vector3d& v) {
   return msg;
 }
 
+geometry_msgs::Point toPointMsg(const Eigen::Vector3d& p) {
+  geometry_msgs::Point msg;
+  msg.x = p.x();
+  msg.y = p.y();
+  msg.z = p.z();
+  return msg;
+}
+
 Eigen::Vector3d fromVectorMsg(const geometry_msgs::Vector3& msg) { return {msg.x, msg.y, msg.z}; }
 
 geometry_msgs::Pose toPoseMsg(const Pose& T_A_B) {

@@ -28,14 +28,6 @@ Marker makeMarker(const std::string& space, int type, const std::string& frame, 
   return marker;
 }
 
-geometry_msgs::Point toPointMsg(const Eigen::Vector3d& p) {
-  geometry_msgs::Point msg;
-  msg.x = p.x();
-  msg.y = p.y();
-  msg.z = p.z();
-  return msg;
-}
-
 void addAxes(const std::string& name, const std::string& frame, const Pose& T_frame_sensor,
              visualization_msgs::MarkerArray* all) {
   Marker axes = makeMarker(name + " axes", Marker::LINE_LIST, frame, T_frame_sensor);

@@ -5,13 +5,11 @@
 #include <gtest/gtest.h>
 #include <ros/package.h>
 #include <ros/ros.h>
-#include <sys/wait.h>
 #include <tf2_msgs/TFMessage.h>
 #include <unistd.h>
 #include <yaml-cpp/yaml.h>
 
 #include <cmath>
-#include <cstdlib>
 #include <filesystem>
 #include <map>
 #include <string>
@@ -19,22 +17,15 @@
 
 #include "cocalib/io/result_file.h"
 #include "cocalib/ros/estimate_conversions.h"
+#include "live_test.h"
 
 namespace cocalib {
 namespace {
 
+using test::poseOf;
+using test::runCommand;
+
 namespace fs = std::filesystem;
-
-int runCommand(const std::string& command) {
-  const int status = std::system(command.c_str());
-  return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-}
-
-Pose poseOf(const YAML::Node& node) {
-  const auto t = node["translation"].as<std::vector<double>>();
-  const auto q = node["rotation_xyzw"].as<std::vector<double>>();
-  return {Eigen::Quaterniond(q[3], q[0], q[1], q[2]).normalized(), {t[0], t[1], t[2]}};
-}
 
 /// What comes by while the launch file runs.
 class Listener {

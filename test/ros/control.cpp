@@ -5,11 +5,9 @@
 #include <ros/package.h>
 #include <ros/ros.h>
 #include <std_srvs/Trigger.h>
-#include <sys/wait.h>
 #include <tf2_msgs/TFMessage.h>
 #include <unistd.h>
 
-#include <cstdlib>
 #include <filesystem>
 #include <functional>
 #include <map>
@@ -22,22 +20,15 @@
 #include "cocalib/io/result_file.h"
 #include "cocalib/ros/conversions.h"
 #include "cocalib/ros/estimate_conversions.h"
+#include "live_test.h"
 
 namespace cocalib {
 namespace {
 
+using test::runCommand;
+using test::waitFor;
+
 namespace fs = std::filesystem;
-
-int runCommand(const std::string& command) {
-  const int status = std::system(command.c_str());
-  return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-}
-
-bool waitFor(const std::function<bool()>& condition, double seconds) {
-  const ros::WallTime end = ros::WallTime::now() + ros::WallDuration(seconds);
-  while (!condition() && ros::WallTime::now() < end) ros::WallDuration(0.05).sleep();
-  return condition();
-}
 
 class Control : public testing::Test {
  protected:

@@ -24,25 +24,17 @@
 #include <vector>
 
 #include "cocalib/ros/estimate_conversions.h"
+#include "live_test.h"
 
 namespace cocalib {
 namespace {
 
+using test::poseOf;
+using test::waitFor;
+
 namespace fs = std::filesystem;
 
 constexpr double kRecordingS = 26.0;
-
-bool waitFor(const std::function<bool()>& condition, double seconds) {
-  const ros::WallTime end = ros::WallTime::now() + ros::WallDuration(seconds);
-  while (!condition() && ros::WallTime::now() < end) ros::WallDuration(0.05).sleep();
-  return condition();
-}
-
-Pose poseOf(const YAML::Node& node) {
-  const auto t = node["translation"].as<std::vector<double>>();
-  const auto q = node["rotation_xyzw"].as<std::vector<double>>();
-  return {Eigen::Quaterniond(q[3], q[0], q[1], q[2]).normalized(), {t[0], t[1], t[2]}};
-}
 
 /// A program that runs beside the test, and is ended with it.
 class Program {

@@ -9,16 +9,14 @@
 #include <string>
 #include <vector>
 
+#include "live_test.h"
+
 namespace cocalib {
 namespace {
 
-const std::vector<std::string> kSessionServices = {"save", "reset", "start", "stop", "freeze", "resume", "flush"};
+using test::waitFor;
 
-bool waitFor(const std::function<bool()>& condition, double seconds) {
-  const ros::WallTime end = ros::WallTime::now() + ros::WallDuration(seconds);
-  while (!condition() && ros::WallTime::now() < end) ros::WallDuration(0.05).sleep();
-  return condition();
-}
+const std::vector<std::string> kSessionServices = {"save", "reset", "start", "stop", "freeze", "resume", "flush"};
 
 std_srvs::TriggerResponse answerOf(const std::string& service) {
   std_srvs::Trigger trigger;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <geometry_msgs/Point.h>
 #include <geometry_msgs/Pose.h>
 #include <geometry_msgs/Transform.h>
 #include <geometry_msgs/Vector3.h>
@@ -17,6 +18,7 @@ TimeNs toTimeNs(const ros::Time& time);
 ros::Time toRosTime(TimeNs stamp);
 
 geometry_msgs::Vector3 toVectorMsg(const Eigen::Vector3d& v);
+geometry_msgs::Point toPointMsg(const Eigen::Vector3d& p);
 Eigen::Vector3d fromVectorMsg(const geometry_msgs::Vector3& msg);
 
 /// T_A_B as the message whose header says A and whose child says B.

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <ros/time.h>
+#include <sys/wait.h>
+#include <yaml-cpp/yaml.h>
+
+#include <cstdlib>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "cocalib/geometry/pose.h"
+
+// What the tests with a master share.
+namespace cocalib::test {
+
+/// A transform of a result file or of the truth beside a recording.
+inline Pose poseOf(const YAML::Node& node) {
+  const auto t = node["translation"].as<std::vector<double>>();
+  const auto q = node["rotation_xyzw"].as<std::vector<double>>();
+  return {Eigen::Quaterniond(q[3], q[0], q[1], q[2]).normalized(), {t[0], t[1], t[2]}};
+}
+
+/// Exit status of a command; -1: it was killed.
+inline int runCommand(const std::string& command) {
+  const int status = std::system(command.c_str());
+  return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+/// Whether the condition came true within so many seconds of the wall clock.
+inline bool waitFor(const std::function<bool()>& condition, double seconds) {
+  const ros::WallTime end = ros::WallTime::now() + ros::WallDuration(seconds);
+  while (!condition() && ros::WallTime::now() < end) ros::WallDuration(0.05).sleep();
+  return condition();
+}
+
+}  // namespace cocalib::test
