@@ -1,8 +1,25 @@
 #include "cocalib/calibrators/keyframe_queues.h"
 
 #include <algorithm>
+#include <utility>
 
 namespace cocalib {
+
+bool KeyframeQueues::add(VisualKeyframe keyframe) {
+  const StampOrder::Verdict order = visual_order.take(keyframe.stamp);
+  if (order == StampOrder::Verdict::kDrop) return false;
+  if (order == StampOrder::Verdict::kSetBack) visual.clear();
+  visual.push_back(std::move(keyframe));
+  return true;
+}
+
+bool KeyframeQueues::add(LidarKeyframe keyframe) {
+  const StampOrder::Verdict order = lidar_order.take(keyframe.scan.stamp);
+  if (order == StampOrder::Verdict::kDrop) return false;
+  if (order == StampOrder::Verdict::kSetBack) lidar.clear();
+  lidar.push_back(std::move(keyframe));
+  return true;
+}
 
 std::size_t KeyframeQueues::forgetOlderThan(double seconds) {
   std::size_t forgotten = 0;
@@ -29,9 +46,15 @@ std::optional<TimeNs> KeyframeQueues::horizon(std::optional<double> camera_offse
   return until;
 }
 
-void KeyframeQueues::clear() {
+void KeyframeQueues::drop() {
   visual.clear();
   lidar.clear();
+}
+
+void KeyframeQueues::clear() {
+  drop();
+  visual_order.reset();
+  lidar_order.reset();
 }
 
 }  // namespace cocalib

@@ -4,6 +4,7 @@
 
 #include "cocalib/calibrators/window_estimate.h"
 #include "cocalib/estimation/observability.h"
+#include "cocalib/measurements/validity.h"
 #include "lidar_inertial_impl.h"
 
 namespace cocalib {
@@ -48,6 +49,16 @@ std::vector<LidarKeyframe> LidarInertialCalibrator::addScan(const LidarScan& sca
     return {};
   }
   const auto kept = subsample(scan, m.params.max_points);
+  if (!isUsable(*kept)) {
+    ++m.diagnostics.counts["scans with impossible numbers"];
+    return {};
+  }
+  const StampOrder::Verdict order = m.order.take(scan.stamp);
+  if (order == StampOrder::Verdict::kSetBack) reset();
+  if (order != StampOrder::Verdict::kGood) {
+    ++m.diagnostics.counts["scans out of order"];
+    return {};
+  }
   if (!m.started) {
     m.explore(kept);
     if (!m.tryToStart()) return {};
@@ -66,32 +77,55 @@ std::vector<LidarKeyframe> LidarInertialCalibrator::flush() {
     if (!m.tryToStart()) return {};
   }
   m.advance();
-  if (m.window.state().nodes.back().stamp > m.last_solve) m.solve();
+  if (m.started && m.window.state().nodes.back().stamp > m.last_solve) m.solve();
   return m.takeKeyframes();
 }
 
 void LidarInertialCalibrator::Impl::advance() {
   const TimeNs offset = toNs(window.state().calibration.lidar_time_offset_s);
-  while (!waiting.empty() && endOf(*waiting.front()) + offset <= window.imu().lastStamp()) {
+  while (started && !waiting.empty() && endOf(*waiting.front()) + offset <= window.imu().lastStamp()) {
     const auto scan = waiting.front();
     waiting.pop_front();
     if (scan->stamp + offset < window.state().nodes.front().stamp) continue;
+    const std::string reason = interruption(window, endOf(*scan) + offset, params.window_s, "sweeps");
+    if (!reason.empty()) {
+      restart(reason);
+      explore(scan);
+      break;
+    }
     window.extendTo(endOf(*scan) + offset);
     window.addScan(scan);
     unreported.push_back(scan);
     if (isDue(window.state().nodes.back().stamp, last_solve, params.solve_period_s)) solve();
   }
-  window.updateChain();
+  if (started) return window.updateChain();
+  for (const auto& scan : waiting) explore(scan);
+  waiting.clear();
+}
+
+/// Whether the states explain the sweeps after it.
+bool LidarInertialCalibrator::Impl::solveWindow() {
+  window.relink(window.neededRelink(), 0.02);
+  if (window.optimize(kIterations).failed) return false;
+  window.learnNoise();
+  return explainsData(window);
+}
+
+/// Looks for the mounting anew, as if nothing were known.
+void LidarInertialCalibrator::Impl::restart(const std::string& reason) {
+  started = false;
+  failed.reset();
+  last_try = 0;
+  raw.clear();
+  poses.clear();
+  odometry.reset();
+  unreported.clear();
+  sayStartingOver(reason, &estimate, &diagnostics);
 }
 
 void LidarInertialCalibrator::Impl::solve() {
   last_solve = window.state().nodes.back().stamp;
-  window.relink(window.neededRelink(), 0.02);
-  if (window.optimize(kIterations).failed) {
-    ++diagnostics.counts["failed solves"];
-  } else {
-    window.learnNoise();
-  }
+  if (failed.note(solveWindow(), &diagnostics)) return restart("the sweeps contradict the inertial data");
   const TimeNs oldest = last_solve - toNs(params.window_s);
   if (!window.marginalizeBefore(oldest)) ++diagnostics.counts["failed marginalizations"];
   publish();
@@ -162,6 +196,10 @@ std::vector<Eigen::Vector3f> LidarInertialCalibrator::map() const {
 void LidarInertialCalibrator::setJointCalibration(const Calibration& calibration) {
   Impl& m = *impl_;
   if (!m.started) return;
+  if (!isUsable(calibration.T_imu_lidar, calibration.lidar_time_offset_s)) {
+    ++m.diagnostics.counts["feedback refused"];
+    return;
+  }
   Calibration own = m.window.state().calibration;
   own.T_imu_lidar = calibration.T_imu_lidar;
   own.lidar_time_offset_s = calibration.lidar_time_offset_s;
@@ -187,6 +225,8 @@ void LidarInertialCalibrator::reset() {
   m.waiting.clear();
   m.unreported.clear();
   m.last_try = m.last_solve = 0;
+  m.order.reset();
+  m.failed.reset();
   m.version = 0;
   m.estimate = CalibrationEstimate();
   m.diagnostics.stage = "waiting for imu";

@@ -6,10 +6,12 @@
 #include <vector>
 
 #include "cocalib/calibrators/lidar_inertial_calibrator.h"
+#include "cocalib/calibrators/window_health.h"
 #include "cocalib/estimation/inertial_window.h"
 #include "cocalib/inertial/imu_inbox.h"
 #include "cocalib/initialization/open_start.h"
 #include "cocalib/lidar/lidar_odometry.h"
+#include "cocalib/measurements/stamp_order.h"
 
 namespace cocalib {
 
@@ -39,6 +41,7 @@ struct LidarInertialCalibrator::Impl {
 
   // Until the mounting is found (lidar_inertial_start.cpp).
   void explore(const std::shared_ptr<const LidarScan>& scan);
+  void forgetUselessSweeps();
   bool tryToStart();
   SensorMotion ownMotion() const;
   std::optional<Alignment> align(bool open, std::string* reason);
@@ -47,6 +50,8 @@ struct LidarInertialCalibrator::Impl {
   // After it.
   void advance();
   void solve();
+  bool solveWindow();
+  void restart(const std::string& reason);
   void publish();
   std::vector<LidarKeyframe> takeKeyframes();
 
@@ -62,7 +67,9 @@ struct LidarInertialCalibrator::Impl {
   TimeNs last_try = 0;
   // After it: sweeps that wait for inertial data, and those in the window not yet handed on.
   std::deque<std::shared_ptr<const LidarScan>> waiting, unreported;
+  StampOrder order;
   TimeNs last_solve = 0;
+  FailedSolves failed;
   std::uint32_t version = 0;
   CalibrationEstimate estimate;
   CalibratorDiagnostics diagnostics;

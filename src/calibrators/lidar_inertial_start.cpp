@@ -9,7 +9,8 @@
 namespace cocalib {
 namespace {
 
-constexpr double kFirstTry_s = 4.0;  // of odometry, before the first attempt at a mounting
+constexpr double kFirstTry_s = 4.0;       // of odometry, before the first attempt at a mounting
+constexpr double kLargestOffset_s = 0.1;  // between the two clocks, for which a sweep's inertial data must be there
 constexpr double kTryPeriod_s = 1.0;
 constexpr double kOpenShare = 0.8;        // of initialization_s without success, before a part may stay open
 constexpr std::size_t kFewestPoses = 30;  // to say that the motion, not the data, is what is missing
@@ -19,10 +20,6 @@ constexpr int kStartIterations = 6;
 }  // namespace
 
 void LidarInertialCalibrator::Impl::explore(const std::shared_ptr<const LidarScan>& scan) {
-  if (!raw.empty() && scan->stamp <= raw.back()->stamp) {
-    ++diagnostics.counts["scans out of order"];
-    return;
-  }
   const LidarOdometry::Result result = odometry.addScan(*scan);
   if (!result.good) ++diagnostics.counts["scans not registered"];
   raw.push_back(scan);
@@ -33,7 +30,19 @@ void LidarInertialCalibrator::Impl::explore(const std::shared_ptr<const LidarSca
   }
 }
 
+/// Sweeps from before the inertial data, or before a gap in them, can show nothing of the mounting.
+void LidarInertialCalibrator::Impl::forgetUselessSweeps() {
+  if (poses.empty()) return;
+  forgetUselessImu(poses.front().begin, &window.imu());
+  const TimeNs first = window.imu().empty() ? poses.front().begin : window.imu().firstStamp();
+  while (!poses.empty() && poses.front().begin - toNs(kLargestOffset_s) < first) {
+    raw.pop_front();
+    poses.pop_front();
+  }
+}
+
 bool LidarInertialCalibrator::Impl::tryToStart() {
+  forgetUselessSweeps();
   if (poses.empty()) return false;
   const TimeNs now = poses.back().end;
   if (toSeconds(now - poses.front().begin) < kFirstTry_s || toSeconds(now - last_try) < kTryPeriod_s) return false;

@@ -4,6 +4,7 @@
 
 #include "cocalib/calibrators/camera_exploration.h"
 #include "cocalib/calibrators/window_estimate.h"
+#include "cocalib/measurements/validity.h"
 #include "visual_inertial_impl.h"
 
 namespace cocalib {
@@ -29,17 +30,12 @@ std::vector<VisualKeyframe> VisualInertialCalibrator::addImage(const ImageFrame&
   Impl& m = *impl_;
   ++m.diagnostics.counts["images"];
   if (!m.inbox.drainTo(&m.window.imu())) reset();
-  if (!m.comesInOrder(image.stamp)) {
-    ++m.diagnostics.counts["images out of order"];
-    if (image.stamp < *m.last_image - toNs(1.0)) reset();
-    return {};
-  }
   if (isTooSoon(image.stamp)) return {};
   if (image.gray.cols != m.camera.width() || image.gray.rows != m.camera.height()) {
     ++m.diagnostics.counts["images of the wrong size"];
     return {};
   }
-  m.last_image = image.stamp;
+  if (!takesStamp(image.stamp)) return {};
   m.images.push_back(image);
   return m.keyframesAfterAdvance();
 }
@@ -47,13 +43,22 @@ std::vector<VisualKeyframe> VisualInertialCalibrator::addImage(const ImageFrame&
 std::vector<VisualKeyframe> VisualInertialCalibrator::addMeasurements(VisualKeyframe measured) {
   Impl& m = *impl_;
   if (!m.inbox.drainTo(&m.window.imu())) reset();
-  if (!m.comesInOrder(measured.stamp)) {
-    ++m.diagnostics.counts["images out of order"];
+  if (!isUsable(measured, m.board)) {
+    ++m.diagnostics.counts["images with impossible numbers"];
     return {};
   }
-  m.last_image = measured.stamp;
+  if (!takesStamp(measured.stamp)) return {};
   m.waiting.push_back(std::move(measured));
   return m.keyframesAfterAdvance();
+}
+
+/// Starts over where the camera's clock was set back.
+bool VisualInertialCalibrator::takesStamp(TimeNs stamp) {
+  const StampOrder::Verdict order = impl_->order.take(stamp);
+  if (order == StampOrder::Verdict::kGood) return true;
+  ++impl_->diagnostics.counts["images out of order"];
+  if (order == StampOrder::Verdict::kSetBack) reset();
+  return false;
 }
 
 std::vector<VisualKeyframe> VisualInertialCalibrator::Impl::keyframesAfterAdvance() {
@@ -142,8 +147,9 @@ void VisualInertialCalibrator::Impl::take(VisualKeyframe keyframe) {
   hungry_images = few ? hungry_images + 1 : 0;
   if (hungry_images == kStarving) say();
   const TimeNs offset = toNs(window.state().calibration.camera_time_offset_s);
-  if (started && toSeconds(keyframe.stamp + offset - window.state().nodes.back().stamp) > params.window_s) {
-    restart("no pictures for longer than the window");
+  if (started) {
+    const std::string reason = interruption(window, keyframe.stamp + offset, params.window_s, "pictures");
+    if (!reason.empty()) restart(reason);
   }
   if (!started) {
     explored.push_back(std::move(keyframe));
@@ -157,8 +163,8 @@ void VisualInertialCalibrator::Impl::take(VisualKeyframe keyframe) {
 }
 
 bool VisualInertialCalibrator::isTooSoon(TimeNs stamp) const {
-  if (!impl_->last_image) return false;
-  const double since = toSeconds(stamp - *impl_->last_image);
+  if (!impl_->order.last()) return false;
+  const double since = toSeconds(stamp - *impl_->order.last());
   return since > 0.0 && since < kRateSlack / impl_->params.frame_rate_hz;
 }
 
@@ -167,6 +173,10 @@ CalibrationEstimate VisualInertialCalibrator::estimate() const { return impl_->e
 void VisualInertialCalibrator::setJointCalibration(const Calibration& calibration) {
   Impl& m = *impl_;
   if (!m.started) return;
+  if (!isUsable(calibration.T_imu_camera, calibration.camera_time_offset_s)) {
+    ++m.diagnostics.counts["feedback refused"];
+    return;
+  }
   Calibration own = m.window.state().calibration;
   own.T_imu_camera = calibration.T_imu_camera;
   own.camera_time_offset_s = calibration.camera_time_offset_s;
@@ -185,7 +195,7 @@ void VisualInertialCalibrator::reset() {
   m.window.imu().clear();
   m.tracker.reset();
   m.started = false;
-  m.last_image.reset();
+  m.order.reset();
   m.last_tracks.reset();
   m.last_try.reset();
   m.images.clear();
@@ -193,7 +203,8 @@ void VisualInertialCalibrator::reset() {
   m.waiting.clear();
   m.unreported.clear();
   m.last_solve = 0;
-  m.bad_solves = m.hungry_images = 0;
+  m.failed.reset();
+  m.hungry_images = 0;
   m.estimate = CalibrationEstimate();
   m.diagnostics.stage = "waiting for imu";
   m.diagnostics.message = m.estimate.message = "waiting for inertial data and pictures";

@@ -4,9 +4,11 @@
 #include <string>
 
 #include "cocalib/calibrators/visual_inertial_calibrator.h"
+#include "cocalib/calibrators/window_health.h"
 #include "cocalib/estimation/inertial_window.h"
 #include "cocalib/inertial/imu_inbox.h"
 #include "cocalib/initialization/alignment.h"
+#include "cocalib/measurements/stamp_order.h"
 #include "cocalib/visual/board_detector.h"
 #include "cocalib/visual/feature_tracker.h"
 
@@ -41,7 +43,6 @@ struct VisualInertialCalibrator::Impl {
   }
 
   // What comes in.
-  bool comesInOrder(TimeNs stamp) const { return !last_image || stamp > *last_image; }
   std::vector<VisualKeyframe> keyframesAfterAdvance();
   VisualKeyframe look(const ImageFrame& image);
   std::optional<Eigen::Quaterniond> predictRotation(TimeNs stamp) const;
@@ -69,14 +70,16 @@ struct VisualInertialCalibrator::Impl {
   InertialWindow window;
   ImuInbox inbox;
   bool started = false;
-  std::optional<TimeNs> last_image, last_tracks;
+  StampOrder order;  // of the pictures
+  std::optional<TimeNs> last_tracks;
   std::deque<ImageFrame> images;        // that wait for inertial data,
   std::deque<VisualKeyframe> explored;  // before the start, newest initialization_s
   std::optional<TimeNs> last_try;
   std::deque<VisualKeyframe> waiting;  // and measurements that do
   std::deque<VisualKeyframe> unreported;
   TimeNs last_solve = 0;
-  int bad_solves = 0, hungry_images = 0;  // in a row
+  FailedSolves failed;
+  int hungry_images = 0;  // in a row
   CalibrationEstimate estimate;
   CalibratorDiagnostics diagnostics;
 };

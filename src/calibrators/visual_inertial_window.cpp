@@ -4,6 +4,7 @@
 
 #include "cocalib/calibrators/camera_exploration.h"
 #include "cocalib/calibrators/window_estimate.h"
+#include "cocalib/calibrators/window_health.h"
 #include "cocalib/calibrators/window_start.h"
 #include "cocalib/estimation/observability.h"
 #include "visual_inertial_impl.h"
@@ -16,9 +17,7 @@ constexpr double kTryPeriod_s = 1.0;
 constexpr double kOpenShare = 0.8;  // of initialization_s without success, before a part may stay open
 constexpr int kStartRounds = 3;
 constexpr int kStartIterations = 8;
-constexpr int kIterations = 2;          // a second: the next one goes on from here
-constexpr int kMaxBadSolves = 3;        // in a row, before it starts over
-constexpr double kMinConsistent = 0.5;  // share of the observations that the states explain
+constexpr int kIterations = 2;  // a second: the next one goes on from here
 
 }  // namespace
 
@@ -28,6 +27,7 @@ bool VisualInertialCalibrator::Impl::tryToStart() {
   if (toSeconds(now - explored.front().stamp) < kFirstTry_s) return false;
   if (last_try && toSeconds(now - *last_try) < kTryPeriod_s) return false;
   last_try = now;
+  forgetUselessImu(explored.front().stamp, &window.imu());
   std::string reason;
   const CameraExploration exploration(camera, board);
   const std::vector<VisualKeyframe> frames(explored.begin(), explored.end());
@@ -82,17 +82,12 @@ bool VisualInertialCalibrator::Impl::solveWindow() {
   window.relink(Relink::kNewScans, 0.0);
   if (window.optimize(kIterations).failed) return false;
   window.learnNoise();
-  return window.camera()->consistentShare() >= kMinConsistent;
+  return explainsData(window);
 }
 
 void VisualInertialCalibrator::Impl::solve() {
   last_solve = window.state().nodes.back().stamp;
-  if (solveWindow()) {
-    bad_solves = 0;
-  } else {
-    ++diagnostics.counts["failed solves"];
-    if (++bad_solves >= kMaxBadSolves) return restart("the pictures contradict the inertial data");
-  }
+  if (failed.note(solveWindow(), &diagnostics)) return restart("the pictures contradict the inertial data");
   const TimeNs oldest = last_solve - toNs(params.window_s);
   if (!window.marginalizeBefore(oldest)) ++diagnostics.counts["failed marginalizations"];
   publish();
@@ -100,15 +95,12 @@ void VisualInertialCalibrator::Impl::solve() {
 
 /// Looks for the mounting anew, as if nothing were known.
 void VisualInertialCalibrator::Impl::restart(const std::string& reason) {
-  ++diagnostics.counts["restarts after failure"];
   started = false;
-  bad_solves = 0;
+  failed.reset();
   last_try.reset();
   explored.clear();
   unreported.clear();
-  estimate = CalibrationEstimate();
-  diagnostics.stage = "starting over";
-  diagnostics.message = estimate.message = "starting over: " + reason;
+  sayStartingOver(reason, &estimate, &diagnostics);
 }
 
 void VisualInertialCalibrator::Impl::publish() {

@@ -1,6 +1,7 @@
 #include "cocalib/estimation/inertial_chain.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace cocalib {
 namespace {
@@ -9,7 +10,8 @@ namespace {
 constexpr double kMaxGyroBiasChange = 2e-3;   // rad/s
 constexpr double kMaxAccelBiasChange = 2e-2;  // m/s^2
 
-constexpr double kTailSeconds = 0.2;  // how far the last segment reaches where samples are there
+constexpr double kLongestSpacing_s = 0.03;  // of samples: 50 Hz, the slowest IMU that is accepted, with jitter
+constexpr double kTailSeconds = 0.2;        // how far the last segment reaches where samples are there
 
 bool isFar(const Preintegration& segment, const NavState& node) {
   return (segment.gyroBias() - node.gyro_bias).norm() > kMaxGyroBiasChange ||
@@ -32,8 +34,10 @@ void InertialChain::update(const std::vector<NavState>& nodes, const ImuBuffer& 
       samples = {*imu.at(from), *imu.at(from)};
       samples.back().stamp += toNs(1e-3);
     }
-    segment =
-        std::make_shared<const Preintegration>(std::move(samples), noise_, nodes[k].gyro_bias, nodes[k].accel_bias);
+    const double longest_s = imu.longestGap(from, to);
+    const bool gap = std::isfinite(longest_s) && longest_s > kLongestSpacing_s;
+    segment = std::make_shared<const Preintegration>(std::move(samples), noise_, nodes[k].gyro_bias,
+                                                     nodes[k].accel_bias, gap ? longest_s : 0.0);
   }
 }
 

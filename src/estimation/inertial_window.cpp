@@ -200,9 +200,9 @@ void InertialWindow::addFirstPrior(const WindowState& state, ChainSystem* system
   system->cost += 0.5 * error.dot(w.cwiseProduct(error));
 }
 
-void InertialWindow::setCalibrationPrior(const CalibrationPrior& prior) {
+void InertialWindow::setCalibrationPrior(const std::optional<CalibrationPrior>& prior) {
   calibration_prior_ = prior;
-  prior_information_ = prior.covariance.llt().solve(Matrix14d::Identity());
+  if (prior) prior_information_ = prior->covariance.llt().solve(Matrix14d::Identity());
 }
 
 void InertialWindow::addCalibrationPrior(const WindowState& state, ChainSystem* system) const {

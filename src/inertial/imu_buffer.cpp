@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <limits>
 
+#include "cocalib/measurements/validity.h"
+
 namespace cocalib {
 namespace {
 
@@ -22,7 +24,7 @@ ImuSample interpolate(const ImuSample& a, const ImuSample& b, TimeNs stamp) {
 }  // namespace
 
 ImuBuffer::Push ImuBuffer::push(const ImuSample& sample) {
-  if (!sample.gyro.allFinite() || !sample.accel.allFinite()) return Push::kNotFinite;
+  if (!isUsable(sample)) return Push::kNotFinite;
   if (!samples_.empty()) {
     const TimeNs last = samples_.back().stamp;
     if (last - sample.stamp > kTimeJumpNs) return Push::kTimeJump;
@@ -88,6 +90,13 @@ double ImuBuffer::longestGap(TimeNs from, TimeNs to) const {
     longest = std::max(longest, next->stamp - previous);
   }
   return toSeconds(longest);
+}
+
+TimeNs ImuBuffer::unbrokenSince(double longest_s) const {
+  for (auto sample = samples_.rbegin(); sample + 1 != samples_.rend(); ++sample) {
+    if (toSeconds(sample->stamp - (sample + 1)->stamp) > longest_s) return sample->stamp;
+  }
+  return firstStamp();
 }
 
 void ImuBuffer::forgetBefore(TimeNs stamp) {

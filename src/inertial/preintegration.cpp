@@ -46,7 +46,7 @@ ImuSample interpolate(const ImuSample& a, const ImuSample& b, TimeNs stamp) {
 }  // namespace
 
 Preintegration::Preintegration(std::vector<ImuSample> samples, const ImuNoise& noise, const Eigen::Vector3d& gyro_bias,
-                               const Eigen::Vector3d& accel_bias)
+                               const Eigen::Vector3d& accel_bias, double gap_s)
     : samples_(std::move(samples)), gyro_bias_(gyro_bias), accel_bias_(accel_bias) {
   if (samples_.size() < 2) throw std::invalid_argument("Preintegration: needs at least two samples");
   const double gyro_variance = noise.gyro_noise_density * noise.gyro_noise_density;
@@ -77,6 +77,20 @@ Preintegration::Preintegration(std::vector<ImuSample> samples, const ImuNoise& n
     covariance_.block<3, 3>(6, 0) += accel_variance * dt * dt / 2.0 * I;
     increments_.push_back(y);
   }
+  if (gap_s > 0.0) addUnseenMotion(gap_s);
+}
+
+/// Between two samples the motion departs from the straight line by as much as its curvature lets it, and by no more
+/// than it is lively at all.
+void Preintegration::addUnseenMotion(double gap_s) {
+  constexpr double kSwing = 7.5;             // rad/s: 1.2 Hz, as fast as an arm swings a rig
+  constexpr double kRate = 1.0, kForce = 5;  // 1 sigma of rate [rad/s] and specific force [m/s^2]
+  const double part = std::min(1.0, kSwing * kSwing * gap_s * gap_s / 8.0);
+  const double span_s = std::min(gap_s, duration());
+  const double turn = part * kRate * span_s, speed = part * kForce * span_s;
+  covariance_.diagonal().segment<3>(0).array() += 0.25 * speed * speed * span_s * span_s;
+  covariance_.diagonal().segment<3>(3).array() += turn * turn;
+  covariance_.diagonal().segment<3>(6).array() += speed * speed;
 }
 
 std::size_t Preintegration::sampleBefore(TimeNs stamp) const {

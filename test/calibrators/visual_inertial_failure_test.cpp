@@ -2,6 +2,13 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <functional>
+#include <limits>
+#include <random>
+#include <set>
+#include <string>
+
 #include "cocalib/calibrators/visual_inertial_calibrator.h"
 #include "cocalib/sim/camera.h"
 #include "cocalib/sim/imu.h"
@@ -14,14 +21,18 @@ namespace {
 /// A calibrator fed with simulated measurements at 25 Hz, which a test may tamper with.
 class MeasuredRun {
  public:
-  explicit MeasuredRun(const sim::Scenario& s)
+  /// @param tamper_imu  changes the sample of so many seconds, or says with false that it is lost; may be empty
+  explicit MeasuredRun(const sim::Scenario& s, const std::function<bool(double, ImuSample*)>& tamper_imu = {})
       : scenario_(s),
         scene_(s),
         trajectory_(s),
         tracks_(s, scene_, trajectory_),
         calibrator_(VisualInertialParams(), {s.imu.gyro_noise_density, 1e-6, s.imu.accel_noise_density, 1e-5},
                     s.camera.cameraModel(), std::nullopt, std::nullopt) {
-    for (const ImuSample& sample : sim::simulateImu(s, trajectory_)) calibrator_.addImu(sample);
+    for (ImuSample sample : sim::simulateImu(s, trajectory_)) {
+      if (tamper_imu && !tamper_imu(toSeconds(sample.stamp - s.epoch), &sample)) continue;
+      calibrator_.addImu(sample);
+    }
   }
 
   /// Pictures of [from, to) seconds, changed by `tamper` before the calibrator sees them.
@@ -35,6 +46,7 @@ class MeasuredRun {
       frame.tracks = tracks_.observe(k);
       tamper(&frame);
       calibrator_.addMeasurements(frame);
+      words_.insert(calibrator_.diagnostics().message);
     }
   }
   void feed(double from, double to) {
@@ -45,6 +57,10 @@ class MeasuredRun {
     const auto counts = calibrator_.diagnostics().counts;
     const auto found = counts.find(what);
     return found == counts.end() ? 0 : found->second;
+  }
+  bool said(const std::string& part) const {
+    return std::any_of(words_.begin(), words_.end(),
+                       [&](const std::string& words) { return words.find(part) != std::string::npos; });
   }
   double error_m() const {
     return (calibrator_.estimate().calibration.T_imu_camera.t - scenario_.camera.T_imu_camera().t).norm();
@@ -57,6 +73,7 @@ class MeasuredRun {
   sim::Trajectory trajectory_;
   sim::TrackSimulator tracks_;
   VisualInertialCalibrator calibrator_;
+  std::set<std::string> words_;  // all that it said
 };
 
 sim::Scenario recording(double duration_s) {
@@ -90,6 +107,48 @@ TEST(VisualInertialFailure, StartsOverAfterALongGapAndFindsTheCameraAgain) {
   run.feed(14.1, 24.0);
   EXPECT_TRUE(run.calibrator().estimate().camera.valid);
   EXPECT_LT(run.error_m(), 5e-3);
+}
+
+TEST(VisualInertialFailure, ThreeFailedSolvesInARowStartOver) {
+  std::mt19937 random(1);
+  std::normal_distribution<double> rate(0.0, 20.0);
+  MeasuredRun run(recording(26.0), [&](double t, ImuSample* sample) {
+    if (t >= 8.0 && t < 13.0) sample->gyro += Eigen::Vector3d(rate(random), rate(random), rate(random));
+    return true;
+  });
+  run.feed(0.0, 8.0);
+  ASSERT_TRUE(run.calibrator().estimate().camera.valid);
+  run.feed(8.0, 26.0);
+  EXPECT_GE(run.count("failed solves"), 3U);
+  EXPECT_GE(run.count("restarts after failure"), 1U);
+  EXPECT_TRUE(run.said("starting over: the pictures contradict the inertial data"));
+  ASSERT_TRUE(run.calibrator().estimate().camera.valid) << run.calibrator().estimate().message;
+  EXPECT_LT(run.error_m(), 5e-3);
+}
+
+TEST(VisualInertialFailure, FiveSecondsWithoutInertialDataStartOver) {
+  MeasuredRun run(recording(24.0), [](double t, ImuSample*) { return t < 8.0 || t >= 13.0; });
+  run.feed(0.0, 24.0);
+  EXPECT_EQ(run.count("restarts after failure"), 1U);
+  EXPECT_TRUE(run.said("starting over: no inertial data for 5.0 s"));
+  ASSERT_TRUE(run.calibrator().estimate().camera.valid) << run.calibrator().estimate().message;
+  EXPECT_LT(run.error_m(), 5e-3);
+}
+
+TEST(VisualInertialFailure, OnePictureOfAnotherTimeOrWithoutNumbersCostsNothing) {
+  MeasuredRun clean(recording(8.0)), dirty(recording(8.0));
+  clean.feed(0.0, 8.0);
+  int picture = 0;
+  dirty.feed(0.0, 8.0, [&](VisualKeyframe* frame) {
+    if (++picture % 10 != 0) return;
+    if (picture % 20 == 0) frame->stamp += toNs(picture % 40 == 0 ? 3600.0 : -3600.0);
+    if (picture % 20 != 0 && !frame->tracks.empty()) frame->tracks[0].px.x() = std::numeric_limits<float>::quiet_NaN();
+  });
+  EXPECT_EQ(dirty.count("images out of order"), 10U);
+  EXPECT_EQ(dirty.count("images with impossible numbers"), 10U);
+  EXPECT_EQ(dirty.count("restarts after failure"), 0U);
+  ASSERT_TRUE(clean.calibrator().estimate().camera.valid && dirty.calibrator().estimate().camera.valid);
+  EXPECT_LT(dirty.error_m(), 2.0 * clean.error_m() + 1e-3);
 }
 
 }  // namespace

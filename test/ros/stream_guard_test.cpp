@@ -12,21 +12,39 @@ constexpr TimeNs kStart = 1'700'000'000'000'000'000;
 
 TEST(StreamGuard, RepeatedAndLateSamplesAreDroppedALoopRestarts) {
   StreamGuard guard;
-  EXPECT_EQ(guard.onImu(kStart), Verdict::kGood);
-  EXPECT_EQ(guard.onImu(kStart + toNs(30.0)), Verdict::kGood);
+  for (int s = 0; s <= 30; ++s) EXPECT_EQ(guard.onImu(kStart + toNs(s)), Verdict::kGood);
   EXPECT_EQ(guard.onImu(kStart + toNs(30.0)), Verdict::kDrop);
   EXPECT_EQ(guard.onImu(kStart + toNs(29.5)), Verdict::kDrop);
-  EXPECT_EQ(guard.onImu(kStart), Verdict::kRestart);
-  EXPECT_EQ(guard.onImu(kStart + 1), Verdict::kGood);
+  EXPECT_EQ(guard.onImu(kStart), Verdict::kDrop);  // one alone may be a broken message
+  EXPECT_EQ(guard.onImu(kStart + 1), Verdict::kRestart);
+  EXPECT_EQ(guard.onImu(kStart + 2), Verdict::kGood);
+}
+
+TEST(StreamGuard, OneStampThatIsFarOffCostsOneSample) {
+  for (const double off_s : {3600.0, -3600.0, 5.0, -1.5}) {
+    StreamGuard guard;
+    for (int i = 0; i < 10; ++i) guard.onImu(kStart + toNs(0.1 * i));
+    EXPECT_EQ(guard.onImu(kStart + toNs(1.0 + off_s)), Verdict::kDrop) << off_s;
+    EXPECT_EQ(guard.onImu(kStart + toNs(1.1)), Verdict::kGood) << off_s;
+    EXPECT_TRUE(guard.accepts(kStart + toNs(0.5))) << off_s;
+    EXPECT_FALSE(guard.accepts(kStart + toNs(3600.0))) << off_s;
+  }
+}
+
+TEST(StreamGuard, DataThatComeBackAfterAPauseAreTheSameRun) {
+  StreamGuard guard;
+  guard.onImu(kStart);
+  EXPECT_EQ(guard.onImu(kStart + toNs(60.0)), Verdict::kDrop);
+  EXPECT_EQ(guard.onImu(kStart + toNs(60.1)), Verdict::kGood);
 }
 
 TEST(StreamGuard, LeftOversOfTheRunBeforeAreRecognised) {
   StreamGuard guard;
   EXPECT_TRUE(guard.accepts(kStart));  // nothing known yet
-  guard.onImu(kStart);
-  guard.onImu(kStart + toNs(60.0));
+  for (int s = 0; s <= 60; ++s) guard.onImu(kStart + toNs(s));
   EXPECT_TRUE(guard.accepts(kStart + toNs(59.0)));
   guard.onImu(kStart);
+  guard.onImu(kStart + 1);
   EXPECT_FALSE(guard.accepts(kStart + toNs(59.0)));
   EXPECT_TRUE(guard.accepts(kStart - toNs(0.1)));
   guard.reset();

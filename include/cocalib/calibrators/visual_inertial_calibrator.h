@@ -59,6 +59,8 @@ class VisualInertialCalibrator {
   void reset();
 
  private:
+  bool takesStamp(TimeNs stamp);
+
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };

@@ -44,9 +44,9 @@ class InertialWindow {
     params_.priors.lidar_translation_m = lidar_m;
   }
 
-  /// Earlier data's calibration in place of WindowPriors' extrinsics and clock offsets, from the next reset() on. It
-  /// counts as information: of data that the window does not see itself.
-  void setCalibrationPrior(const CalibrationPrior& prior);
+  /// Earlier data's calibration in place of WindowPriors' extrinsics and clock offsets, from the next reset() on;
+  /// nothing: those again. It counts as information: of data that the window does not see itself.
+  void setCalibrationPrior(const std::optional<CalibrationPrior>& prior);
 
   /// Starts over with a first node and a start for everything shared. The node fixes position and heading.
   void reset(const NavState& first, const Calibration& calibration, double gravity);

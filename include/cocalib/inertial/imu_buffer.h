@@ -18,8 +18,9 @@ class ImuBuffer {
   /// @param keep_s   samples older than this before the newest are forgotten [s]
   explicit ImuBuffer(double keep_s = 1e9) : keep_s_(keep_s) {}
 
-  /// Appends one sample. A sample that is not finite, or not newer than the last, is refused; one that is more
-  /// than a second before the last is kTimeJump: the clock was set back (a bag looped), the caller must start over.
+  /// Appends one sample. A sample that is not finite (or not usable), or not newer than the last, is refused; one that
+  /// is more than a second before the last is kTimeJump: the clock was set back (a bag looped), the caller must start
+  /// over.
   Push push(const ImuSample& sample);
 
   bool empty() const { return samples_.empty(); }
@@ -42,6 +43,10 @@ class ImuBuffer {
   /// Longest time between two neighbouring samples that reach into [from, to] [s]; infinite if the buffer does not
   /// cover the interval.
   double longestGap(TimeNs from, TimeNs to) const;
+
+  /// Stamp of the newest sample that came more than `longest_s` after the one before; of the first where none did. The
+  /// buffer must not be empty.
+  TimeNs unbrokenSince(double longest_s) const;
 
   /// Forgets what is not needed for times from `stamp` on: the sample at or just before it stays.
   void forgetBefore(TimeNs stamp);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <mutex>
 #include <vector>
 
@@ -14,11 +15,10 @@ class ImuInbox {
  public:
   void push(const ImuSample& sample) {
     const std::lock_guard<std::mutex> lock(mutex_);
-    if (waiting_.size() < kMaxWaiting) {
-      waiting_.push_back(sample);
-    } else {
-      ++dropped_;
-    }
+    waiting_.push_back(sample);
+    if (waiting_.size() <= kMaxWaiting) return;
+    waiting_.pop_front();  // the oldest: who has not asked for so long starts with the newest
+    ++dropped_;
   }
 
   /// Moves what has come into `buffer`. @return false if the clock was set back (the sample after the jump is kept for
@@ -52,7 +52,7 @@ class ImuInbox {
   static constexpr std::size_t kMaxWaiting = 200000;  // 100 s at 2 kHz
 
   mutable std::mutex mutex_;
-  std::vector<ImuSample> waiting_;
+  std::deque<ImuSample> waiting_;
   std::vector<ImuSample> draining_;
   std::uint64_t dropped_ = 0, refused_ = 0;
 };

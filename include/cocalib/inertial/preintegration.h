@@ -27,9 +27,11 @@ struct ImuIncrement {
 class Preintegration {
  public:
   /// @param samples  in order, first at the start and last at the end of the segment; at least two
+  /// @param gap_s  of the samples that were interpolated over missing ones, the longest time between two real ones [s]:
+  ///               what the motion may have done meanwhile is added to the covariance; 0: none are missing
   /// @throws std::invalid_argument with fewer than two samples
   Preintegration(std::vector<ImuSample> samples, const ImuNoise& noise, const Eigen::Vector3d& gyro_bias,
-                 const Eigen::Vector3d& accel_bias);
+                 const Eigen::Vector3d& accel_bias, double gap_s = 0.0);
 
   TimeNs start() const { return samples_.front().stamp; }
   TimeNs end() const { return samples_.back().stamp; }
@@ -47,6 +49,7 @@ class Preintegration {
   const Eigen::Matrix<double, 9, 9>& covariance() const { return covariance_; }
 
  private:
+  void addUnseenMotion(double gap_s);
   std::size_t sampleBefore(TimeNs stamp) const;
 
   std::vector<ImuSample> samples_;

@@ -3,6 +3,7 @@
 #include <optional>
 
 #include "cocalib/geometry/time.h"
+#include "cocalib/measurements/stamp_order.h"
 
 namespace cocalib {
 
@@ -13,17 +14,21 @@ class StreamGuard {
  public:
   enum class Verdict { kGood, kDrop, kRestart };
 
-  /// kDrop: repeated or a little back. kRestart: more than a second back; the sample is the first of the new run.
+  /// kDrop: repeated, a little back, or alone far away. kRestart: set back by more than a second, as two samples say;
+  /// this one is the first of the new run.
   Verdict onImu(TimeNs stamp);
 
   /// Whether data of this time belong to the present run.
   bool accepts(TimeNs stamp) const;
 
-  void reset() { first_.reset(); }
+  void reset() {
+    first_.reset();
+    order_.reset();
+  }
 
  private:
   std::optional<TimeNs> first_;
-  TimeNs last_ = 0;
+  StampOrder order_;
 };
 
 }  // namespace cocalib
