@@ -3,9 +3,11 @@
 #include <cmath>
 #include <cstdint>
 #include <fstream>
+#include <iterator>
 #include <limits>
 #include <stdexcept>
 
+#include "cocalib/measurements/validity.h"
 #include "text_format.h"
 #include "yaml_section.h"
 
@@ -13,6 +15,7 @@ namespace cocalib {
 namespace {
 
 constexpr double kAny = 1e300;  // bound of what may be any number
+constexpr std::size_t kLargestFile = 1U << 20U;
 
 std::string formatStamp(TimeNs stamp) {
   const bool negative = stamp < 0;
@@ -62,7 +65,9 @@ Pose readPose(YamlSection section) {
   Pose pose;
   pose.t = Eigen::Vector3d(t[0], t[1], t[2]);
   pose.q.coeffs() = Eigen::Vector4d(q[0], q[1], q[2], q[3]);
-  if (std::abs(pose.q.norm() - 1.0) > 1e-6) section.fail("rotation_xyzw", "must have length 1");
+  if (!isUsable(pose)) section.fail("rotation_xyzw", "must have length 1, and translation be below 1000 km");
+  // What was written comes back bit by bit; what was typed in by hand is made exact.
+  if (std::abs(pose.q.norm() - 1.0) > 1e-12) pose.q.normalize();
   return pose;
 }
 
@@ -70,7 +75,7 @@ SensorVerdict readSection(YamlSection section, const std::string& transform, Pos
   SensorVerdict verdict;
   verdict.valid = true;
   *pose = readPose(section.section(transform));
-  *time_offset_s = section.number("time_offset", -kAny, kAny, "s");
+  *time_offset_s = section.number("time_offset", -kLargestTimeOffset_s, kLargestTimeOffset_s, "s");
   YamlSection sigma = section.section("sigma");
   const std::vector<double> translation = sigma.reals("translation", 3);
   const std::vector<double> rotation = sigma.reals("rotation", 3);
@@ -206,8 +211,15 @@ std::string formatResult(const CalibrationEstimate& estimate, const ResultConten
 CalibrationEstimate loadResult(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   if (!file) throw YamlError(path + ": cannot be opened");
+  std::string text;
+  for (std::istreambuf_iterator<char> it(file), end; it != end && text.size() <= kLargestFile; ++it) text += *it;
+  if (text.size() > kLargestFile) throw YamlError(path + ": is no result (larger than 1 MiB)");
+  return parseResult(text, path);
+}
+
+CalibrationEstimate parseResult(const std::string& yaml, const std::string& path) {
   try {
-    return readResult(YAML::Load(file), path);
+    return readResult(YAML::Load(yaml), path);
   } catch (const YAML::Exception& error) {
     throw YamlError(path + " line " + std::to_string(error.mark.line + 1) + ": no valid YAML: " + error.msg);
   }

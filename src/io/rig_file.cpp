@@ -1,5 +1,6 @@
 #include "cocalib/io/rig_file.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cctype>
 #include <cmath>
@@ -7,6 +8,7 @@
 #include <iterator>
 #include <stdexcept>
 
+#include "cocalib/estimation/calibration_prior.h"
 #include "cocalib/io/result_file.h"
 #include "yaml_section.h"
 
@@ -218,9 +220,10 @@ void goOnFrom(const std::string& result_path, RigConfig* rig) {
   const bool camera = rig->camera && earlier.camera.valid, lidar = rig->lidar && earlier.lidar.valid;
   if (earlier.status == Status::kInsufficientData || (!camera && !lidar))
     refuse("holds nothing about this rig's sensors");
-  if (!earlier.covariance.allFinite() || Matrix14d(earlier.covariance).diagonal().minCoeff() < 0.0) {
-    refuse("its joint_covariance is none");
-  }
+  // What it holds must be a covariance: its inverse goes into every solve.
+  const Matrix14d covariance = priorFrom(earlier).covariance;
+  const bool symmetric = covariance.allFinite() && covariance.isApprox(covariance.transpose(), 1e-6);
+  if (!symmetric || covariance.llt().info() != Eigen::Success) refuse("its joint_covariance is none");
   if (camera) rig->guess_T_imu_camera = earlier.calibration.T_imu_camera;
   if (lidar) rig->guess_T_imu_lidar = earlier.calibration.T_imu_lidar;
   rig->earlier = earlier;

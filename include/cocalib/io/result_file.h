@@ -23,5 +23,7 @@ void writeFileAtomically(const std::string& path, const std::string& text);
 
 /// Reads what formatResult() wrote. @throws std::runtime_error naming file and key
 CalibrationEstimate loadResult(const std::string& path);
+/// Same, from text; `path` is used in messages only.
+CalibrationEstimate parseResult(const std::string& yaml, const std::string& path);
 
 }  // namespace cocalib
