@@ -59,6 +59,7 @@ void prepareOutputDirectory(const std::string& directory) {
 }
 
 void writeResultFiles(const std::string& directory, const RigConfig& rig, const RunResult& result) {
+  prepareOutputDirectory(directory);  // hours may have passed since the start: it may be gone
   const ResultContents contents = {rig.camera.has_value(), rig.lidar.has_value()};
   writeFileAtomically(directory + "/calibration.yaml", formatResult(result.estimate, contents));
   writeExports(directory, rig, result);

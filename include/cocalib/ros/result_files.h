@@ -37,8 +37,8 @@ struct RunResult {
 void prepareOutputDirectory(const std::string& directory);
 
 /// calibration.yaml first, then the files for other programs (formatExports()), report.html, convergence.csv,
-/// convergence.png, overlay_before.png and overlay_after.png, each written atomically. @throws std::runtime_error
-/// naming file and cause
+/// convergence.png, overlay_before.png and overlay_after.png, each written atomically. A directory that has vanished is
+/// made again. @throws std::runtime_error naming file and cause
 void writeResultFiles(const std::string& directory, const RigConfig& rig, const RunResult& result);
 
 /// The calibration for people: both mountings with 1 sigma, clock offsets, what is not determined, and what to do.
