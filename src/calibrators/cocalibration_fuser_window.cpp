@@ -35,7 +35,7 @@ std::optional<TimeNs> CoCalibrationFuser::Impl::horizon() const {
 
 bool CoCalibrationFuser::Impl::start() {
   const std::deque<NavState>& states = hints().states();
-  forgetUselessImu(states.front().stamp, &window.imu());
+  forgetUselessImu(states.front().stamp, states.back().stamp, &window.imu());
   if (window.imu().empty()) return false;
   const auto covered = [&](const NavState& s) { return s.stamp >= window.imu().firstStamp(); };
   const auto first = std::find_if(states.begin(), states.end(), covered);

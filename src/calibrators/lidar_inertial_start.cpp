@@ -33,7 +33,7 @@ void LidarInertialCalibrator::Impl::explore(const std::shared_ptr<const LidarSca
 /// Sweeps from before the inertial data, or before a gap in them, can show nothing of the mounting.
 void LidarInertialCalibrator::Impl::forgetUselessSweeps() {
   if (poses.empty()) return;
-  forgetUselessImu(poses.front().begin, &window.imu());
+  forgetUselessImu(poses.front().begin, poses.back().end, &window.imu());
   const TimeNs first = window.imu().empty() ? poses.front().begin : window.imu().firstStamp();
   while (!poses.empty() && poses.front().begin - toNs(kLargestOffset_s) < first) {
     raw.pop_front();

@@ -27,7 +27,7 @@ bool VisualInertialCalibrator::Impl::tryToStart() {
   if (toSeconds(now - explored.front().stamp) < kFirstTry_s) return false;
   if (last_try && toSeconds(now - *last_try) < kTryPeriod_s) return false;
   last_try = now;
-  forgetUselessImu(explored.front().stamp, &window.imu());
+  forgetUselessImu(explored.front().stamp, explored.back().stamp, &window.imu());
   std::string reason;
   const CameraExploration exploration(camera, board);
   const std::vector<VisualKeyframe> frames(explored.begin(), explored.end());

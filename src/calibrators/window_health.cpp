@@ -47,9 +47,9 @@ std::string interruption(const InertialWindow& window, TimeNs until, double long
   return imuGap(window, until);
 }
 
-void forgetUselessImu(TimeNs oldest, ImuBuffer* imu) {
+void forgetUselessImu(TimeNs oldest, TimeNs newest, ImuBuffer* imu) {
   if (imu->empty()) return;
-  imu->forgetBefore(std::max(oldest - toNs(kMargin_s), imu->unbrokenSince(kMaxImuGap_s)));
+  imu->forgetBefore(std::max(oldest - toNs(kMargin_s), imu->unbrokenSince(kMaxImuGap_s, newest)));
 }
 
 void sayStartingOver(const std::string& reason, CalibrationEstimate* estimate, CalibratorDiagnostics* diagnostics) {

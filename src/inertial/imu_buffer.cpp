@@ -92,8 +92,9 @@ double ImuBuffer::longestGap(TimeNs from, TimeNs to) const {
   return toSeconds(longest);
 }
 
-TimeNs ImuBuffer::unbrokenSince(double longest_s) const {
+TimeNs ImuBuffer::unbrokenSince(double longest_s, TimeNs until) const {
   for (auto sample = samples_.rbegin(); sample + 1 != samples_.rend(); ++sample) {
+    if (sample->stamp > until) continue;
     if (toSeconds(sample->stamp - (sample + 1)->stamp) > longest_s) return sample->stamp;
   }
   return firstStamp();

@@ -1,5 +1,6 @@
 #include "cocalib/ros/result_files.h"
 
+#include <fcntl.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -53,7 +54,7 @@ void prepareOutputDirectory(const std::string& directory) {
     throw std::runtime_error(directory + ": cannot be made (" + (error ? error.message() : "it is a file") +
                              "); choose another output directory");
   }
-  if (access(directory.c_str(), W_OK) != 0) {
+  if (faccessat(AT_FDCWD, directory.c_str(), W_OK, AT_EACCESS) != 0) {
     throw std::runtime_error(directory + ": cannot be written to; choose another output directory");
   }
 }

@@ -39,8 +39,8 @@ std::string imuGap(const InertialWindow& window, TimeNs until);
 std::string interruption(const InertialWindow& window, TimeNs until, double longest_s, const std::string& what);
 
 /// Forgets inertial data that no start can use: older than the data of the sensor, or before an imuGap().
-/// @param oldest  time of the oldest data that wait for the start
-void forgetUselessImu(TimeNs oldest, ImuBuffer* imu);
+/// @param oldest, newest  times of the data that wait for the start; what comes after a later gap is still to be used
+void forgetUselessImu(TimeNs oldest, TimeNs newest, ImuBuffer* imu);
 
 /// Counts a new start and says why; the estimate is forgotten.
 void sayStartingOver(const std::string& reason, CalibrationEstimate* estimate, CalibratorDiagnostics* diagnostics);

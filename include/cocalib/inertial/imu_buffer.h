@@ -44,9 +44,9 @@ class ImuBuffer {
   /// cover the interval.
   double longestGap(TimeNs from, TimeNs to) const;
 
-  /// Stamp of the newest sample that came more than `longest_s` after the one before; of the first where none did. The
-  /// buffer must not be empty.
-  TimeNs unbrokenSince(double longest_s) const;
+  /// Stamp of the newest sample up to `until` that came more than `longest_s` after the one before; of the first where
+  /// none did. The buffer must not be empty.
+  TimeNs unbrokenSince(double longest_s, TimeNs until) const;
 
   /// Forgets what is not needed for times from `stamp` on: the sample at or just before it stays.
   void forgetBefore(TimeNs stamp);
