@@ -50,7 +50,8 @@ void writeExports(const std::string& directory, const RigConfig& rig, const RunR
 void prepareOutputDirectory(const std::string& directory) {
   std::error_code error;
   std::filesystem::create_directories(directory, error);
-  if (!std::filesystem::is_directory(directory)) {
+  std::error_code unreachable;
+  if (!std::filesystem::is_directory(directory, unreachable)) {
     throw std::runtime_error(directory + ": cannot be made (" + (error ? error.message() : "it is a file") +
                              "); choose another output directory");
   }

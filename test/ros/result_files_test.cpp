@@ -47,8 +47,8 @@ TEST_F(ResultFiles, AVanishedDirectoryIsMadeAgain) {
 TEST_F(ResultFiles, OneLineSaysWhyNothingIsWritten) {
   writeResultFiles(output_, rig_, result_);
   result_.estimate.status = Status::kConverged;
-  fs::permissions(output_, fs::perms::owner_read | fs::perms::owner_exec | fs::perms::others_read);
-  fs::permissions(parent_, fs::perms::owner_all | fs::perms::others_exec | fs::perms::others_read);
+  fs::permissions(output_, fs::perms{0555});
+  fs::permissions(parent_, fs::perms{0755});
   const bool root = ::geteuid() == 0;  // whom permissions do not bind
   ASSERT_EQ(root ? ::seteuid(65534) : 0, 0);
   std::string words;
