@@ -151,13 +151,15 @@ cv::Mat FeatureTracker::evenOut(const cv::Mat& gray) {
 }
 
 bool FeatureTracker::measure(const cv::Mat& gray, Track* track) {
-  const Eigen::Vector2d followed(track->px.x, track->px.y);
-  if (const auto place = track->patch->find(gray, {followed, track->A})) {
-    track->A = place->A;
-    track->px = cv::Point2f(place->center.cast<float>().x(), place->center.cast<float>().y());
-    return true;
-  }
-  const auto patch = ReferencePatch::cut(gray, followed);
+  const auto place = track->patch->find(gray, {{track->px.x, track->px.y}, track->A});
+  if (!place) return false;
+  track->A = place->A;
+  track->px = cv::Point2f(place->center.cast<float>().x(), place->center.cast<float>().y());
+  return true;
+}
+
+bool FeatureTracker::beginAnew(const cv::Mat& gray, Track* track) {
+  const auto patch = ReferencePatch::cut(gray, {track->px.x, track->px.y});
   if (!patch) return false;
   track->patch = std::make_shared<const ReferencePatch>(*patch);
   track->A.setIdentity();
@@ -165,32 +167,59 @@ bool FeatureTracker::measure(const cv::Mat& gray, Track* track) {
   return true;
 }
 
-std::vector<FeatureTracker::Track> FeatureTracker::follow(const cv::Mat& gray, const std::vector<cv::Mat>& pyramid,
-                                                          bool rotation_known) {
+std::vector<bool> FeatureTracker::returns(const std::vector<cv::Mat>& pyramid, const std::vector<cv::Point2f>& before,
+                                          const std::vector<cv::Point2f>& now) const {
+  std::vector<bool> good(now.size(), false);
+  if (now.empty()) return good;
+  std::vector<cv::Point2f> back = before;
+  std::vector<std::uint8_t> found;
+  cv::calcOpticalFlowPyrLK(pyramid, pyramid_, now, back, found, cv::noArray(), kWindow, kBackwardLevels,
+                           iterations(10, 0.05), cv::OPTFLOW_USE_INITIAL_FLOW, kMinEigenvalue);
+  for (std::size_t i = 0; i < now.size(); ++i) {
+    good[i] = found[i] != 0 && cv::norm(back[i] - before[i]) <= params_.max_forward_backward_px;
+  }
+  return good;
+}
+
+std::vector<FeatureTracker::Track> FeatureTracker::followed(const cv::Mat& gray, const std::vector<cv::Mat>& pyramid) {
   std::vector<cv::Point2f> before, now = predict(tracks_);
   for (const Track& track : tracks_) before.push_back(track.px);
-  std::vector<cv::Point2f> back = before;
-  std::vector<std::uint8_t> found, found_back;
+  std::vector<std::uint8_t> found;
   cv::calcOpticalFlowPyrLK(pyramid_, pyramid, before, now, found, cv::noArray(), kWindow, kPredictedLevels,
                            iterations(10, 0.03), cv::OPTFLOW_USE_INITIAL_FLOW, kMinEigenvalue);
-  cv::calcOpticalFlowPyrLK(pyramid, pyramid_, now, back, found_back, cv::noArray(), kWindow, kBackwardLevels,
-                           iterations(10, 0.05), cv::OPTFLOW_USE_INITIAL_FLOW, kMinEigenvalue);
-  std::vector<Track> tracks;
-  BearingPairs pairs;
+  // The picture in which a track began confirms it; where it does not, the way back must lead to where it came from.
+  std::vector<Track> tracks, lost;
+  std::vector<cv::Point2f> lost_before, lost_now;
   for (std::size_t i = 0; i < before.size(); ++i) {
-    if (!found[i] || !found_back[i]) continue;
-    if (!(cv::norm(back[i] - before[i]) <= params_.max_forward_backward_px)) continue;
-    if (!camera_.inImage({now[i].x, now[i].y}, kBorderPx)) continue;
+    if (!found[i] || !camera_.inImage({now[i].x, now[i].y}, kBorderPx)) continue;
     Track track = tracks_[i];
     track.px = now[i];
-    if (!measure(gray, &track)) continue;
+    if (measure(gray, &track)) {
+      tracks.push_back(track);
+    } else {
+      lost.push_back(track);
+      lost_before.push_back(before[i]);
+      lost_now.push_back(now[i]);
+    }
+  }
+  const std::vector<bool> good = returns(pyramid, lost_before, lost_now);
+  for (std::size_t i = 0; i < lost.size(); ++i) {
+    if (good[i] && beginAnew(gray, &lost[i])) tracks.push_back(lost[i]);
+  }
+  return tracks;
+}
+
+std::vector<FeatureTracker::Track> FeatureTracker::follow(const cv::Mat& gray, const std::vector<cv::Mat>& pyramid,
+                                                          bool rotation_known) {
+  std::vector<Track> tracks;
+  BearingPairs pairs;
+  for (Track& track : followed(gray, pyramid)) {
     const Eigen::Vector2d px(track.px.x, track.px.y);
     const auto bearing = camera_.unproject(px);
     if (!camera_.inImage(px, kBorderPx) || !bearing) continue;
-    track.bearing = *bearing;
-    tracks.push_back(track);
-    pairs.a.push_back(tracks_[i].bearing);
+    pairs.a.push_back(std::exchange(track.bearing, *bearing));
     pairs.b.push_back(*bearing);
+    tracks.push_back(std::move(track));
   }
   const double px_rad = 1.0 / camera_.focalPx();
   const std::vector<bool> inliers =

@@ -14,9 +14,10 @@ namespace cocalib {
 
 /// Grid-balanced KLT tracks of natural features, predicted by the gyro once the mounting is known. KLT leads from
 /// picture to picture; the position is then measured against the picture in which the track began, so that errors do
-/// not add up. A track whose surroundings look different by now ends, and a new one begins in its place. Steps of the
-/// brightness are made up for. Outliers go by an epipolar RANSAC (over the direction of translation alone where the
-/// rotation is given). Not thread-safe. Deterministic, whatever OpenCV's number of threads. Never throws on data.
+/// not add up. A track whose surroundings look different by now ends, and a new one begins in its place if KLT leads
+/// back to where it came from. Steps of the brightness are made up for. Outliers go by an epipolar RANSAC (over the
+/// direction of translation alone where the rotation is given). Not thread-safe. Deterministic, whatever OpenCV's
+/// number of threads. Never throws on data.
 class FeatureTracker {
  public:
   struct Params {
@@ -53,8 +54,15 @@ class FeatureTracker {
   /// Rotation since the previous picture from some of the tracks, starting from the last one.
   Eigen::Quaterniond guessRotation(const std::vector<cv::Mat>& pyramid) const;
   std::vector<Track> follow(const cv::Mat& gray, const std::vector<cv::Mat>& pyramid, bool rotation_known);
-  /// Moves a track from where KLT leaves it to where its reference says; false where neither is of use.
-  bool measure(const cv::Mat& gray, Track* track);
+  /// The tracks that are found in the picture, right or wrong; their bearings are still those before.
+  std::vector<Track> followed(const cv::Mat& gray, const std::vector<cv::Mat>& pyramid);
+  /// Moves a track from where KLT leaves it to where its reference says; false where it says nothing.
+  static bool measure(const cv::Mat& gray, Track* track);
+  /// Ends a track and begins another in its place; false where there is nothing to follow.
+  bool beginAnew(const cv::Mat& gray, Track* track);
+  /// The forward-backward check: which places KLT leads back to where they came from.
+  std::vector<bool> returns(const std::vector<cv::Mat>& pyramid, const std::vector<cv::Point2f>& before,
+                            const std::vector<cv::Point2f>& now) const;
   /// The picture as bright as the previous one, where the brightness has stepped; otherwise itself.
   cv::Mat evenOut(const cv::Mat& gray);
   void topUp(const cv::Mat& gray, const std::vector<Eigen::Vector2f>& mask_px);
