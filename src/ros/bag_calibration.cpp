@@ -24,8 +24,9 @@
 namespace cocalib {
 namespace {
 
-constexpr double kSliceS = 2.0;       // of recording per round of work: long enough that a solve holds nobody up
-constexpr double kReadingPart = 0.8;  // of the whole run; the rest is the last solve
+constexpr double kSliceS = 2.0;        // of recording per round of work: long enough that a solve holds nobody up
+constexpr double kSolvePeriodS = 2.0;  // of recording: unlike on a robot nobody waits for the next estimate
+constexpr double kReadingPart = 0.8;   // of the whole run; the rest is the last solve
 constexpr std::uint64_t kJudgeAfterClouds = 20;
 
 /// Adds up how long the stages take. Thread-safe.
@@ -66,6 +67,13 @@ struct Slice {
   CalibrationEstimate visual_estimate, lidar_estimate;
 };
 
+template <typename Params>
+Params seldomSolved() {
+  Params params;
+  params.solve_period_s = kSolvePeriodS;
+  return params;
+}
+
 template <typename Keyframe>
 void append(std::vector<Keyframe> more, std::vector<Keyframe>* all) {
   std::move(more.begin(), more.end(), std::back_inserter(*all));
@@ -79,12 +87,12 @@ struct BagCalibration::Impl {
         input(*in),
         listener(std::move(l)),
         camera_model(in->cameraModel()),
-        fuser(rig, camera_model),
+        fuser(rig, camera_model, seldomSolved<FuserParams>()),
         scenes(rig, SceneCollector::Keep::kSpread),
         inspection(rig),
         next(input.view().begin()) {
-    if (camera_model) camera.emplace(rig, *camera_model);
-    if (rig.lidar) lidar.emplace(rig);
+    if (camera_model) camera.emplace(rig, *camera_model, seldomSolved<VisualInertialParams>());
+    if (rig.lidar) lidar.emplace(rig, seldomSolved<LidarInertialParams>());
     inspection.setCamera(camera_model);
   }
 
