@@ -10,7 +10,6 @@ namespace cocalib {
 namespace {
 
 constexpr double kFirstTry_s = 4.0;       // of odometry, before the first attempt at a mounting
-constexpr double kLargestOffset_s = 0.1;  // between the two clocks, for which a sweep's inertial data must be there
 constexpr double kTryPeriod_s = 1.0;
 constexpr double kOpenShare = 0.8;        // of initialization_s without success, before a part may stay open
 constexpr std::size_t kFewestPoses = 30;  // to say that the motion, not the data, is what is missing
@@ -33,9 +32,8 @@ void LidarInertialCalibrator::Impl::explore(const std::shared_ptr<const LidarSca
 /// Sweeps from before the inertial data, or before a gap in them, can show nothing of the mounting.
 void LidarInertialCalibrator::Impl::forgetUselessSweeps() {
   if (poses.empty()) return;
-  forgetUselessImu(poses.front().begin, poses.back().end, &window.imu());
-  const TimeNs first = window.imu().empty() ? poses.front().begin : window.imu().firstStamp();
-  while (!poses.empty() && poses.front().begin - toNs(kLargestOffset_s) < first) {
+  const TimeNs first = forgetUselessImu(poses.front().begin, poses.back().end, &window.imu());
+  while (!poses.empty() && poses.front().begin < first) {
     raw.pop_front();
     poses.pop_front();
   }
@@ -59,7 +57,7 @@ bool LidarInertialCalibrator::Impl::tryToStart() {
   }
   returnUnseenToPrior(&*alignment);
   startWindow(*alignment);
-  return true;
+  return started;
 }
 
 SensorMotion LidarInertialCalibrator::Impl::ownMotion() const {
@@ -131,6 +129,7 @@ void LidarInertialCalibrator::Impl::startWindow(const Alignment& alignment) {
   raw.clear();
   poses.clear();
   odometry.reset();
+  if (!isPossible(window.state())) return restart("the sweeps contradict the inertial data");
   diagnostics.stage = "refining";
   publish();
 }

@@ -52,6 +52,7 @@ struct VisualInertialCalibrator::Impl {
   void take(VisualKeyframe keyframe);
   // What is made of it (visual_inertial_window.cpp).
   bool tryToStart();
+  void forgetUselessPictures();
   void startWindow(const Alignment& alignment);
   void solve();
   bool solveWindow();

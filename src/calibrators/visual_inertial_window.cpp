@@ -21,13 +21,20 @@ constexpr int kIterations = 2;  // a second: the next one goes on from here
 
 }  // namespace
 
+/// Pictures from before the inertial data, or before a gap in them, can show nothing of the mounting.
+void VisualInertialCalibrator::Impl::forgetUselessPictures() {
+  if (explored.empty()) return;
+  const TimeNs first = forgetUselessImu(explored.front().stamp, explored.back().stamp, &window.imu());
+  while (!explored.empty() && explored.front().stamp < first) explored.pop_front();
+}
+
 bool VisualInertialCalibrator::Impl::tryToStart() {
+  forgetUselessPictures();
   if (explored.empty()) return false;
   const TimeNs now = explored.back().stamp;
   if (toSeconds(now - explored.front().stamp) < kFirstTry_s) return false;
   if (last_try && toSeconds(now - *last_try) < kTryPeriod_s) return false;
   last_try = now;
-  forgetUselessImu(explored.front().stamp, explored.back().stamp, &window.imu());
   std::string reason;
   const CameraExploration exploration(camera, board);
   const std::vector<VisualKeyframe> frames(explored.begin(), explored.end());
@@ -48,7 +55,7 @@ bool VisualInertialCalibrator::Impl::tryToStart() {
   }
   returnUnseenToPrior(&*alignment);
   startWindow(*alignment);
-  return true;
+  return started;
 }
 
 void VisualInertialCalibrator::Impl::startWindow(const Alignment& alignment) {
@@ -73,6 +80,7 @@ void VisualInertialCalibrator::Impl::startWindow(const Alignment& alignment) {
   }
   started = true;
   last_solve = window.state().nodes.back().stamp;
+  if (!isPossible(window.state())) return restart("the pictures contradict the inertial data");
   diagnostics.stage = "refining";
   publish();
 }

@@ -4,19 +4,29 @@
 #include <cmath>
 #include <cstdio>
 
+#include "cocalib/measurements/validity.h"
+
 namespace cocalib {
 namespace {
 
-constexpr double kMinConsistent = 0.5;   // share of the track observations that the states explain
-constexpr double kMinOnPlanes = 0.1;     // share of the lidar's points
-constexpr double kNewest_s = 1.0;        // of sweeps: what is older has been judged before
-constexpr double kMargin_s = 2.0;        // for clock offsets
-constexpr double kMaxImuGap_s = 0.3;     // over which a person's motion can be guessed well enough to go on
-constexpr std::size_t kFewPoints = 500;  // of which a share says nothing
+constexpr double kMinConsistent = 0.5;    // share of the track observations that the states explain
+constexpr double kMinOnPlanes = 0.1;      // share of the lidar's points
+constexpr double kNewest_s = 1.0;         // of sweeps: what is older has been judged before
+constexpr double kMargin_s = 2.0;         // for clock offsets
+constexpr double kLargestOffset_s = 0.1;  // between the clocks, up to which the start looks for the offset
+constexpr double kMaxImuGap_s = 0.3;      // over which a person's motion can be guessed well enough to go on
+constexpr std::size_t kFewPoints = 500;   // of which a share says nothing
 
 }  // namespace
 
+bool isPossible(const WindowState& state) {
+  const Calibration& c = state.calibration;
+  return isUsable(state.nodes.back()) && isUsable(c.T_imu_camera, c.camera_time_offset_s) &&
+         isUsable(c.T_imu_lidar, c.lidar_time_offset_s);
+}
+
 bool explainsData(const InertialWindow& window) {
+  if (!isPossible(window.state())) return false;
   if (const CameraGroup* camera = window.camera()) {
     if (camera->consistentShare() < kMinConsistent) return false;
   }
@@ -47,9 +57,10 @@ std::string interruption(const InertialWindow& window, TimeNs until, double long
   return imuGap(window, until);
 }
 
-void forgetUselessImu(TimeNs oldest, TimeNs newest, ImuBuffer* imu) {
-  if (imu->empty()) return;
+TimeNs forgetUselessImu(TimeNs oldest, TimeNs newest, ImuBuffer* imu) {
+  if (imu->empty()) return oldest;
   imu->forgetBefore(std::max(oldest - toNs(kMargin_s), imu->unbrokenSince(kMaxImuGap_s, newest)));
+  return imu->firstStamp() + toNs(kLargestOffset_s);
 }
 
 void sayStartingOver(const std::string& reason, CalibrationEstimate* estimate, CalibratorDiagnostics* diagnostics) {

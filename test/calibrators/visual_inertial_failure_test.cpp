@@ -135,6 +135,25 @@ TEST(VisualInertialFailure, FiveSecondsWithoutInertialDataStartOver) {
   EXPECT_LT(run.error_m(), 5e-3);
 }
 
+TEST(VisualInertialFailure, HalfASecondWithoutInertialDataStartsOverFromThePicturesAfterIt) {
+  MeasuredRun run(recording(20.0), [](double t, ImuSample*) { return t < 8.0 || t >= 8.5; });
+  run.feed(0.0, 20.0);
+  EXPECT_EQ(run.count("restarts after failure"), 1U);
+  EXPECT_EQ(run.count("failed solves"), 0U);
+  ASSERT_TRUE(run.calibrator().estimate().camera.valid) << run.calibrator().estimate().message;
+  EXPECT_LT(run.error_m(), 5e-3);
+}
+
+TEST(VisualInertialFailure, StartsFromThePicturesThatInertialDataCover) {
+  for (const double imu_from_s : {4.0, 4.02, 4.03}) {
+    MeasuredRun run(recording(16.0), [&](double t, ImuSample*) { return t >= imu_from_s; });
+    run.feed(0.0, 16.0);
+    EXPECT_EQ(run.count("failed solves"), 0U) << imu_from_s;
+    ASSERT_TRUE(run.calibrator().estimate().camera.valid) << run.calibrator().estimate().message;
+    EXPECT_LT(run.error_m(), 5e-3) << imu_from_s;
+  }
+}
+
 TEST(VisualInertialFailure, OnePictureOfAnotherTimeOrWithoutNumbersCostsNothing) {
   MeasuredRun clean(recording(8.0)), dirty(recording(8.0));
   clean.feed(0.0, 8.0);

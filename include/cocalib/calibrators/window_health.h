@@ -25,7 +25,10 @@ class FailedSolves {
   int in_row_ = 0;
 };
 
-/// Whether the states explain what cameras and lidars saw, as the last relink() found it.
+/// Whether the newest state and the calibration are such as a rig can have; a solve that diverges leaves others.
+bool isPossible(const WindowState& state);
+
+/// Whether the states are possible and explain what cameras and lidars saw, as the last relink() found it.
 bool explainsData(const InertialWindow& window);
 
 /// Says that inertial data were missing between a window's newest state and `until` for so long that the motion is
@@ -40,7 +43,8 @@ std::string interruption(const InertialWindow& window, TimeNs until, double long
 
 /// Forgets inertial data that no start can use: older than the data of the sensor, or before an imuGap().
 /// @param oldest, newest  times of the data that wait for the start; what comes after a later gap is still to be used
-void forgetUselessImu(TimeNs oldest, TimeNs newest, ImuBuffer* imu);
+/// @return from when on data of the sensor can be used; those from before have no inertial data to start from
+TimeNs forgetUselessImu(TimeNs oldest, TimeNs newest, ImuBuffer* imu);
 
 /// Counts a new start and says why; the estimate is forgotten.
 void sayStartingOver(const std::string& reason, CalibrationEstimate* estimate, CalibratorDiagnostics* diagnostics);
