@@ -11,8 +11,9 @@
 
 namespace cocalib {
 
-/// The inertial messages on their way to a calibrator: refuses what is broken, drops what is out of order, notices a
-/// clock that was set back, and tells whether other data belong to the same run. Not thread-safe.
+/// The inertial messages on their way to a calibrator: refuses what is broken, drops what is out of order or repeats
+/// the same numbers while the rig turns, notices a clock that was set back, and tells whether other data belong to the
+/// same run. Not thread-safe.
 class ImuStream {
  public:
   struct Outcome {
@@ -27,10 +28,16 @@ class ImuStream {
   /// As accepts(); data that do not are counted as "`what` out of time", and the user told what that means.
   bool accepts(TimeNs stamp, const std::string& topic, const std::string& what, Notices* notices) const;
 
-  void reset() { guard_.reset(); }
+  void reset() {
+    guard_.reset();
+    same_since_.reset();
+  }
 
  private:
+  bool isStuck(const ImuSample& sample);
+
   StreamGuard guard_;
+  std::optional<ImuSample> same_since_;  ///< first sample of those with the newest one's numbers
 };
 
 }  // namespace cocalib
