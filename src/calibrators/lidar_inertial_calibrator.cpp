@@ -121,6 +121,7 @@ void LidarInertialCalibrator::Impl::restart(const std::string& reason) {
   odometry.reset();
   unreported.clear();
   sayStartingOver(reason, &estimate, &diagnostics);
+  why_anew = estimate.message;
 }
 
 void LidarInertialCalibrator::Impl::solve() {
@@ -227,6 +228,7 @@ void LidarInertialCalibrator::reset() {
   m.last_try = m.last_solve = 0;
   m.order.reset();
   m.failed.reset();
+  m.why_anew.clear();
   m.version = 0;
   m.estimate = CalibrationEstimate();
   m.diagnostics.stage = "waiting for imu";

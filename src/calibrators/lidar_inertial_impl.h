@@ -70,6 +70,7 @@ struct LidarInertialCalibrator::Impl {
   StampOrder order;
   TimeNs last_solve = 0;
   FailedSolves failed;
+  std::string why_anew;  ///< said until the mounting is found again
   std::uint32_t version = 0;
   CalibrationEstimate estimate;
   CalibratorDiagnostics diagnostics;

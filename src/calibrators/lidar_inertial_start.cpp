@@ -9,7 +9,7 @@
 namespace cocalib {
 namespace {
 
-constexpr double kFirstTry_s = 4.0;       // of odometry, before the first attempt at a mounting
+constexpr double kFirstTry_s = 4.0;  // of odometry, before the first attempt at a mounting
 constexpr double kTryPeriod_s = 1.0;
 constexpr double kOpenShare = 0.8;        // of initialization_s without success, before a part may stay open
 constexpr std::size_t kFewestPoses = 30;  // to say that the motion, not the data, is what is missing
@@ -52,7 +52,7 @@ bool LidarInertialCalibrator::Impl::tryToStart() {
     if (!alignment) declareUnseen(&reason);
   }
   if (!alignment) {
-    diagnostics.message = estimate.message = reason;
+    diagnostics.message = estimate.message = why_anew.empty() ? reason : why_anew + "; " + reason;
     return false;
   }
   returnUnseenToPrior(&*alignment);
@@ -130,6 +130,7 @@ void LidarInertialCalibrator::Impl::startWindow(const Alignment& alignment) {
   poses.clear();
   odometry.reset();
   if (!isPossible(window.state())) return restart("the sweeps contradict the inertial data");
+  why_anew.clear();
   diagnostics.stage = "refining";
   publish();
 }

@@ -204,6 +204,7 @@ void VisualInertialCalibrator::reset() {
   m.unreported.clear();
   m.last_solve = 0;
   m.failed.reset();
+  m.why_anew.clear();
   m.hungry_images = 0;
   m.estimate = CalibrationEstimate();
   m.diagnostics.stage = "waiting for imu";

@@ -80,6 +80,7 @@ struct VisualInertialCalibrator::Impl {
   std::deque<VisualKeyframe> unreported;
   TimeNs last_solve = 0;
   FailedSolves failed;
+  std::string why_anew;   ///< said until the mounting is found again
   int hungry_images = 0;  // in a row
   CalibrationEstimate estimate;
   CalibratorDiagnostics diagnostics;

@@ -50,7 +50,7 @@ bool VisualInertialCalibrator::Impl::tryToStart() {
   }
   if (!alignment) {
     diagnostics.stage = "waiting for motion";
-    diagnostics.message = estimate.message = reason;
+    diagnostics.message = estimate.message = why_anew.empty() ? reason : why_anew + "; " + reason;
     return false;
   }
   returnUnseenToPrior(&*alignment);
@@ -81,6 +81,7 @@ void VisualInertialCalibrator::Impl::startWindow(const Alignment& alignment) {
   started = true;
   last_solve = window.state().nodes.back().stamp;
   if (!isPossible(window.state())) return restart("the pictures contradict the inertial data");
+  why_anew.clear();
   diagnostics.stage = "refining";
   publish();
 }
@@ -109,6 +110,7 @@ void VisualInertialCalibrator::Impl::restart(const std::string& reason) {
   explored.clear();
   unreported.clear();
   sayStartingOver(reason, &estimate, &diagnostics);
+  why_anew = estimate.message;
 }
 
 void VisualInertialCalibrator::Impl::publish() {

@@ -144,6 +144,17 @@ TEST(VisualInertialFailure, HalfASecondWithoutInertialDataStartsOverFromThePictu
   EXPECT_LT(run.error_m(), 5e-3);
 }
 
+TEST(VisualInertialFailure, SaysWhyItStartedOverUntilTheCameraIsFoundAgain) {
+  MeasuredRun run(recording(18.0), [](double t, ImuSample*) { return t < 8.0 || t >= 8.5; });
+  run.feed(0.0, 9.0);
+  run.feed(9.0, 12.5, [](VisualKeyframe* frame) { frame->tracks.clear(); });  // nothing to start from
+  const std::string words = run.calibrator().diagnostics().message;
+  EXPECT_EQ(words.find("starting over: no inertial data for 0.5 s; "), 0U) << words;
+  run.feed(12.5, 18.0);
+  EXPECT_TRUE(run.calibrator().estimate().camera.valid);
+  EXPECT_EQ(run.calibrator().diagnostics().message.find("starting over"), std::string::npos);
+}
+
 TEST(VisualInertialFailure, StartsFromThePicturesThatInertialDataCover) {
   for (const double imu_from_s : {4.0, 4.02, 4.03}) {
     MeasuredRun run(recording(16.0), [&](double t, ImuSample*) { return t >= imu_from_s; });
