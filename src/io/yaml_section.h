@@ -2,6 +2,7 @@
 
 #include <yaml-cpp/yaml.h>
 
+#include <algorithm>
 #include <set>
 #include <stdexcept>
 #include <string>
@@ -12,7 +13,14 @@ namespace cocalib {
 /// What is wrong with a file of ours: one line with file, line, key, value and what is allowed.
 class YamlError : public std::runtime_error {
  public:
-  using std::runtime_error::runtime_error;
+  explicit YamlError(const std::string& words) : std::runtime_error(inOneLine(words)) {}
+
+ private:
+  /// A key may hold a line break.
+  static std::string inOneLine(std::string words) {
+    std::replace(words.begin(), words.end(), '\n', ' ');
+    return words;
+  }
 };
 
 /// Decimal number, .inf, -.inf or .nan, whatever the locale (yaml-cpp minds it); false for anything else.

@@ -80,6 +80,13 @@ cv::Mat toGray8(const cv::Mat& decoded) {
   return gray;
 }
 
+/// The picture with its 16-bit numbers the other way round; cv_bridge leaves them as pairs of bytes.
+sensor_msgs::Image toLittleEndian(sensor_msgs::Image msg) {
+  for (std::size_t i = 0; i + 1 < msg.data.size(); i += 2) std::swap(msg.data[i], msg.data[i + 1]);
+  msg.is_bigendian = 0;
+  return msg;
+}
+
 }  // namespace
 
 std::optional<ImageFrame> readImage(const sensor_msgs::Image& msg, std::string* problem) {
@@ -96,6 +103,11 @@ std::optional<ImageFrame> readImage(const sensor_msgs::Image& msg, std::string* 
       return refuse("picture claims " + std::to_string(msg.height) + " rows of " + std::to_string(msg.step) +
                         " bytes and has " + std::to_string(msg.data.size()),
                     problem);
+    }
+    if (msg.is_bigendian != 0 && encodings::bitDepth(msg.encoding) == 16) {
+      if (msg.step % 2 != 0)
+        return refuse("picture of 16 bits has rows of " + std::to_string(msg.step) + " bytes", problem);
+      return readImage(toLittleEndian(msg), problem);
     }
     ImageFrame frame;
     frame.stamp = toTimeNs(msg.header.stamp);

@@ -61,6 +61,7 @@ CameraModel::CameraModel(Distortion distortion, const Eigen::Vector4d& intrinsic
   const double folded_px =
       focalPx() * (distortion_ == Distortion::kEquidistant ? distortAngle(max_radius_, nullptr)
                                                            : distort({max_radius_, 0.0}, nullptr).norm());
+  if (!std::isfinite(folded_px)) throw std::invalid_argument("the distortion is too large for a lens");
   if (folded_px < 0.25 * 0.5 * std::min(width_, height_)) {
     throw std::invalid_argument("the distortion folds over " + std::to_string(folded_px) +
                                 " px from the centre; check model and order of the coefficients");

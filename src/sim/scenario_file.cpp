@@ -1,5 +1,6 @@
 #include <yaml-cpp/yaml.h>
 
+#include <algorithm>
 #include <fstream>
 #include <iterator>
 #include <map>
@@ -231,13 +232,16 @@ Scenario readScenario(const YAML::Node& root) {
 }  // namespace
 
 Scenario parseScenario(const std::string& yaml, const std::string& path) {
+  std::string why;
   try {
     return readScenario(YAML::Load(yaml));
   } catch (const YAML::Exception& error) {
-    throw std::runtime_error(path + ": line " + std::to_string(error.mark.line + 1) + ": " + error.msg);
+    why = "line " + std::to_string(error.mark.line + 1) + ": " + error.msg;
   } catch (const std::invalid_argument& error) {
-    throw std::runtime_error(path + ": " + error.what());
+    why = error.what();
   }
+  std::replace(why.begin(), why.end(), '\n', ' ');  // a key may hold a line break
+  throw std::runtime_error(path + ": " + why);
 }
 
 Scenario loadScenario(const std::string& path) {

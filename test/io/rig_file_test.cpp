@@ -191,6 +191,12 @@ TEST(RigFile, WhatIsNoRigFileIsRefused) {
   expectRefusal("imu: [unclosed", {"no valid YAML"});
   expectRefusal(kFull + kCamera, {"'camera'", "stands twice"});
   expectRefusal(std::string(5000, '['), {"my_rig.yaml"});
+  try {
+    parseRig(kFull + "\"camara\\nleft\": {}", "my_rig.yaml");
+    ADD_FAILURE() << "taken";
+  } catch (const std::runtime_error& refusal) {
+    EXPECT_EQ(std::string(refusal.what()).find('\n'), std::string::npos) << refusal.what();
+  }
   EXPECT_THROW(loadRigFile("no_such_rig.yaml"), std::runtime_error);
   EXPECT_THROW(loadRigFile("cfg"), std::runtime_error);
 }

@@ -81,6 +81,19 @@ TEST(ImageReader, EveryEncoding) {
 }
 
 // Grey is 0.299 R + 0.587 G + 0.114 B: exchanged channels show.
+TEST(ImageReader, BigEndianPicturesAreTheSame) {
+  cv::Mat wide;
+  makeGray().convertTo(wide, CV_16U, 257.0);
+  sensor_msgs::Image msg = makeMessage(wide, "mono16", 2);
+  const auto little = readImage(msg, nullptr);
+  msg.is_bigendian = 1;
+  for (std::size_t i = 0; i < msg.data.size(); i += 2) std::swap(msg.data[i], msg.data[i + 1]);
+  const auto big = readImage(msg, nullptr);
+  ASSERT_TRUE(little && big);
+  ASSERT_EQ(big->gray.type(), CV_8UC1);
+  EXPECT_EQ(cv::norm(little->gray, big->gray, cv::NORM_INF), 0.0);
+}
+
 TEST(ImageReader, ChannelsAreNotExchanged) {
   const cv::Mat red_as_bgr(8, 8, CV_8UC3, cv::Scalar(0, 0, 200));
   expectPicture(makeMessage(red_as_bgr, "bgr8"), cv::Mat(8, 8, CV_8UC1, cv::Scalar(60)), 1);

@@ -164,6 +164,7 @@ TEST(CameraModel, RefusesWhatCannotBeACamera) {
   EXPECT_THROW(CameraModel(Distortion::kRational, kIntrinsics, {0.1, 0.2, 0.0, 0.0, 0.1}, 752, 480),
                std::invalid_argument);
   EXPECT_THROW(CameraModel(Distortion::kEquidistant, kIntrinsics, {}, 752, 480), std::invalid_argument);
+  EXPECT_THROW(build(kIntrinsics, {1e308, 0.0, 0.0, 0.0}, 752, 480), std::invalid_argument);
   EXPECT_THROW(build(kIntrinsics, {-100.0, 0.0, 0.0, 0.0}, 752, 480), std::invalid_argument);  // folds at once
 }
 
