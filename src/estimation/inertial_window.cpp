@@ -200,6 +200,20 @@ void InertialWindow::addFirstPrior(const WindowState& state, ChainSystem* system
   system->cost += 0.5 * error.dot(w.cwiseProduct(error));
 }
 
+/// While the rig has not turned, nothing tells the accelerometer's bias from a tilt of the world and from gravity. The
+/// marginalized prior, linearized at other tilts, takes such a tilt for something that it knows, and the estimate runs
+/// away along it. So the bias stays where it started: any other explains the data as well. Never part of a
+/// marginalization, so that nothing of it is left once the rig turns.
+void InertialWindow::holdAccelBias(const WindowState& state, ChainSystem* system) const {
+  constexpr double kHeld = 1e-3;  // [m/s^2]
+  const int newest = static_cast<int>(state.nodes.size()) - 1;
+  const Eigen::Vector3d error = state.nodes.back().accel_bias - origin_.nodes.front().accel_bias;
+  const double w = 1.0 / (kHeld * kHeld);
+  system->diagonal(newest).diagonal().tail<3>().array() += w;
+  system->gradient(newest).tail<3>() += w * error;
+  system->cost += 0.5 * w * error.squaredNorm();
+}
+
 void InertialWindow::setCalibrationPrior(const std::optional<CalibrationPrior>& prior) {
   calibration_prior_ = prior;
   if (prior) prior_information_ = prior->covariance.llt().solve(Matrix14d::Identity());
@@ -233,8 +247,11 @@ void InertialWindow::build(const WindowState& state, int end_node, ChainSystem* 
   }
   const bool lidar_board = lidar_ && lidar_->boardPoints() > 0;
   const LeverLinks links = {camera_.has_value(), lidar_.has_value(), board_known_, lidar_board};
-  blind(excitation_.unseen(state_.nodes), links, state, system);
-  if (end_node < 0) addGlobalPriors(state, system);
+  const UnseenLevers unseen = excitation_.unseen(state_.nodes);
+  blind(unseen, links, state, system);
+  if (end_node >= 0) return;
+  addGlobalPriors(state, system);
+  if (unseen.directions.cols() == 3) holdAccelBias(state, system);
 }
 
 InertialWindow::Summary InertialWindow::optimize(int max_iterations) {

@@ -22,11 +22,12 @@ CalibrationEstimate estimateOf(const sim::Scenario& s, bool may_converge = false
   return calibrator.estimate();
 }
 
-void expectOnlyOpen(const sim::Scenario& s, const std::vector<int>& open) {
+CalibrationEstimate expectOnlyOpen(const sim::Scenario& s, const std::vector<int>& open) {
   const CalibrationEstimate estimate = estimateOf(s);
   EXPECT_EQ(estimate.status, Status::kUnobservable) << estimate.message;
   test::expectOnlyOpen(estimate.lidar, estimate.calibration.T_imu_lidar.minus(s.lidar.T_imu_lidar()), open, 5e-3);
   EXPECT_NEAR(estimate.calibration.lidar_time_offset_s, s.lidar.time_offset_s, 5e-4);
+  return estimate;
 }
 
 /// Nothing is known: a broad prior, which says so.
@@ -48,6 +49,13 @@ TEST(DegenerateLidar, SoDoesMotionThatNeverTilts) {
 
 TEST(DegenerateLidar, ShiftingWithoutTurningLeavesTheWholeLeverArmOpen) {
   expectOnlyOpen(test::scenarioOf(sim::Motion::kTranslationOnly, 2, 20.0), {0, 1, 2});
+}
+
+TEST(DegenerateLidar, NorDoTheTiltAndTheBiasThatNothingTellsApartRunAway) {
+  const sim::Scenario s = test::scenarioOf(sim::Motion::kTranslationOnly, 1, 30.0);
+  const CalibrationEstimate estimate = expectOnlyOpen(s, {0, 1, 2});
+  EXPECT_NEAR(estimate.gravity, s.gravity, 5e-3);
+  EXPECT_LT(estimate.accel_bias.norm(), 0.03);
 }
 
 TEST(DegenerateLidar, StandingStillShowsNothing) {

@@ -125,6 +125,7 @@ class InertialWindow {
  private:
   void build(const WindowState& state, int end_node, ChainSystem* system);
   void addGlobalPriors(const WindowState& state, ChainSystem* system) const;
+  void holdAccelBias(const WindowState& state, ChainSystem* system) const;
   void addFirstPrior(const WindowState& state, ChainSystem* system) const;
   void addCalibrationPrior(const WindowState& state, ChainSystem* system) const;
   void startBoard();
