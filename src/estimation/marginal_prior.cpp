@@ -3,6 +3,8 @@
 #include <Eigen/Eigenvalues>
 #include <utility>
 
+#include "world_motion.h"
+
 namespace cocalib {
 
 MarginalPrior::MarginalPrior(ChainSystem::Marginal marginal, int dropped, const WindowState& state)
@@ -17,23 +19,22 @@ MarginalPrior::MarginalPrior(ChainSystem::Marginal marginal, int dropped, const 
 void MarginalPrior::accumulate(const WindowState& state, ChainSystem* system) const {
   const auto K = static_cast<Eigen::Index>(nodes_.size());
   const Eigen::Index G = H_.rows() - 15 * K;
-  Eigen::VectorXd d(15 * K + G);
-  for (Eigen::Index a = 0; a < K; ++a) {
-    const auto node = static_cast<std::size_t>(nodes_[static_cast<std::size_t>(a)]);
-    d.segment<15>(15 * a) = minus(state.nodes[node], base_.nodes[static_cast<std::size_t>(a)]);
-  }
-  d.tail(G) = globalMinus(state, base_).head(G);
-  const Eigen::VectorXd gradient = H_ * d + b_;
+  std::vector<NavState> nodes;
+  for (const int node : nodes_) nodes.push_back(state.nodes[static_cast<std::size_t>(node)]);
+  const WorldMotion moved(nodes, state, base_);
+  const Eigen::VectorXd& d = moved.difference();
+  const Eigen::MatrixXd H = moved.pullBack(H_);
+  const Eigen::VectorXd gradient = moved.pullBack(Eigen::VectorXd(H_ * d + b_));
   for (Eigen::Index a = 0; a < K; ++a) {
     const int i = nodes_[static_cast<std::size_t>(a)];
-    system->diagonal(i) += H_.block<15, 15>(15 * a, 15 * a);
+    system->diagonal(i) += H.block<15, 15>(15 * a, 15 * a);
     system->gradient(i) += gradient.segment<15>(15 * a);
-    system->coupling(i).leftCols(G) += H_.block(15 * a, 15 * K, 15, G);
+    system->coupling(i).leftCols(G) += H.block(15 * a, 15 * K, 15, G);
     for (Eigen::Index c = a + 1; c < K; ++c) {
-      system->offDiagonal(i, nodes_[static_cast<std::size_t>(c)]) += H_.block<15, 15>(15 * a, 15 * c);
+      system->offDiagonal(i, nodes_[static_cast<std::size_t>(c)]) += H.block<15, 15>(15 * a, 15 * c);
     }
   }
-  system->H_global.topLeftCorner(G, G) += H_.bottomRightCorner(G, G);
+  system->H_global.topLeftCorner(G, G) += H.bottomRightCorner(G, G);
   system->b_global.head(G) += gradient.tail(G);
   system->cost += 0.5 * d.dot(H_ * d) + b_.dot(d);
 }
