@@ -11,10 +11,12 @@
 namespace cocalib {
 namespace {
 
-// Weak knowledge of inverse depth: 0.2 +- 1 per metre covers 0.8 m to infinity and keeps far points regular.
-constexpr double kPriorInverseDepth = 0.2;
-constexpr double kPriorInverseDepthSigma = 1.0;
+constexpr double kFirstInverseDepth = 0.2;  // 1/m, where the rays tell none yet
 constexpr double kMinInverseDepth = 1e-3;
+// Nothing is known of a depth beforehand. Any knowledge, however weak, is shared by hundreds of landmarks, and what they
+// share is the scale: 0.2 +- 1 per metre took a scene at 0.8 m to be a tenth larger than it was. This only keeps the
+// elimination of a point without parallax regular; it pulls nowhere.
+constexpr double kRegularInverseDepth = 1e-4;
 
 Eigen::Vector3d landmarkPoint(const Pose& T_W_A, const Eigen::Vector3d& uv_rho) {
   return T_W_A * (Eigen::Vector3d(uv_rho.x(), uv_rho.y(), 1.0) / uv_rho.z());
@@ -72,7 +74,7 @@ void CameraGroup::triangulate(Landmark* landmark, const std::vector<TimedSensorP
   if (!bearing_A || bearing_A->z() < 0.1) return;
   // Nearly parallel rays tell no depth: start at the prior then, the solve will find what there is to find.
   const Eigen::LDLT<Eigen::Matrix3d> ldlt(A);
-  double rho = kPriorInverseDepth;
+  double rho = kFirstInverseDepth;
   if (ldlt.rcond() > 1e-5) {
     const Eigen::Vector3d p_A = landmark->T_W_A.q.conjugate() * ldlt.solve(b);
     if (p_A.z() > 0.1 && p_A.z() < 200.0) rho = 1.0 / p_A.z();
@@ -148,10 +150,9 @@ void CameraGroup::weigh(Views* views) const {
 bool CameraGroup::eliminate(const Views& views, double weight, Landmark* landmark, Sums* sums) const {
   Landmark& l = *landmark;
   const std::size_t n = views.frames.size();
-  const double prior = (l.uv_rho.z() - kPriorInverseDepth) / kPriorInverseDepthSigma;
   Eigen::Matrix3d V = Eigen::Matrix3d::Zero();
-  V(2, 2) = 1.0 / (kPriorInverseDepthSigma * kPriorInverseDepthSigma);
-  Eigen::Vector3d g(0.0, 0.0, prior / kPriorInverseDepthSigma);
+  V(2, 2) = kRegularInverseDepth;
+  Eigen::Vector3d g = Eigen::Vector3d::Zero();
   for (std::size_t i = 0; i < n; ++i) {
     V.noalias() += weight * views.J_landmark[i].transpose() * views.weighed_J[i];
     g.noalias() += weight * views.J_landmark[i].transpose() * views.weighed_r[i];
@@ -176,7 +177,6 @@ bool CameraGroup::eliminate(const Views& views, double weight, Landmark* landmar
           views.at(i, j) * wJ * views.J_pose[j] - W_V * l.W[j].second.transpose();
     }
   }
-  sums->cost += 0.5 * prior * prior;
   return true;
 }
 
