@@ -61,9 +61,8 @@ class Report {
       return;
     }
     joint_.add(e, trial.truth);
-    if ((!camera_ || trial.visual.camera.valid) && (!lidar_ || trial.lidar.lidar.valid)) {
-      two_step_.add(bench::twoStep(trial.visual, trial.lidar), trial.truth);
-    }
+    const bool alone = (!camera_ || trial.visual.camera.valid) && (!lidar_ || trial.lidar.lidar.valid);
+    if (alone) two_step_.add(bench::twoStep(trial.visual, trial.lidar), trial.truth);
     const Vector14d error = bench::errorOf(e.calibration, trial.truth);
     std::printf(
         "%s: %s, camera %.4f mrad %.4f mm, lidar %.4f mrad %.4f mm; cpu s: camera %.1f lidar %.1f "
@@ -71,7 +70,10 @@ class Report {
         name.c_str(), toString(e.status), 1e3 * error.segment<3>(3).norm(), 1e3 * error.head<3>().norm(),
         1e3 * error.segment<3>(9).norm(), 1e3 * error.segment<3>(6).norm(), trial.cpu.camera_s, trial.cpu.lidar_s,
         trial.cpu.joint_s, trial.cpu.last_round_s);
-    if (e.status != Status::kConverged) std::printf("  %s\n", e.message.c_str());
+    std::printf("  NEES %.1f", joint_.newestNees());
+    if (alone) std::printf(", calibrators alone %.1f", two_step_.newestNees());
+    std::printf("%s%s\n", e.status != Status::kConverged ? "; " : "",
+                e.status != Status::kConverged ? e.message.c_str() : "");
     std::fflush(stdout);
     if (!csv_.is_open()) return;
     csv_ << name;

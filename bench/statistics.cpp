@@ -87,20 +87,24 @@ Statistics::Norms Statistics::lidarCameraNorms() const {
   return {kMilli * std::sqrt(rotation / n), kMilli * std::sqrt(translation / n)};
 }
 
+double Statistics::nees(std::size_t trial, const std::vector<int>& rows) const {
+  const auto n = static_cast<Eigen::Index>(rows.size());
+  Eigen::VectorXd error(n);
+  Eigen::MatrixXd covariance(n, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const int row = rows[static_cast<std::size_t>(i)];
+    error[i] = errors_[trial][row];
+    for (Eigen::Index j = 0; j < n; ++j) covariance(i, j) = covariances_[trial](row, rows[static_cast<std::size_t>(j)]);
+  }
+  return error.dot(covariance.ldlt().solve(error));
+}
+
+double Statistics::newestNees() const { return nees(errors_.size() - 1, estimated()); }
+
 std::string Statistics::neesLine(const char* what, const std::vector<int>& rows) const {
   const auto n = static_cast<Eigen::Index>(rows.size());
   double sum = 0.0;
-  for (std::size_t k = 0; k < errors_.size(); ++k) {
-    Eigen::VectorXd error(n);
-    Eigen::MatrixXd covariance(n, n);
-    for (Eigen::Index i = 0; i < n; ++i) {
-      error[i] = errors_[k][rows[static_cast<std::size_t>(i)]];
-      for (Eigen::Index j = 0; j < n; ++j) {
-        covariance(i, j) = covariances_[k](rows[static_cast<std::size_t>(i)], rows[static_cast<std::size_t>(j)]);
-      }
-    }
-    sum += error.dot(covariance.ldlt().solve(error));
-  }
+  for (std::size_t k = 0; k < errors_.size(); ++k) sum += nees(k, rows);
   // The sum over trials of a chi-square variable of n degrees is one of n times their number.
   const auto trials = static_cast<double>(errors_.size());
   const boost::math::chi_squared chi(trials * static_cast<double>(n));

@@ -16,6 +16,8 @@ class Statistics {
 
   void add(const CalibrationEstimate& estimate, const Calibration& truth);
   std::size_t count() const { return errors_.size(); }
+  /// Squared error over covariance of the trial added last, over all parameters estimated.
+  double newestNees() const;
 
   /// RMSE, mean sigma and their ratio for each parameter, norms over three axes, NEES with its 95 % band.
   std::string table() const;
@@ -26,6 +28,7 @@ class Statistics {
   };
   Norms normsOf(int first) const;
   Norms lidarCameraNorms() const;
+  double nees(std::size_t trial, const std::vector<int>& rows) const;
   std::string neesLine(const char* what, const std::vector<int>& rows) const;
   std::vector<int> estimated() const;
 
