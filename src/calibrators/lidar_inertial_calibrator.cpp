@@ -11,6 +11,7 @@ namespace cocalib {
 namespace {
 
 constexpr int kIterations = 2;
+constexpr double kSlack_m = 0.02;      // of the states, when points look for their planes
 constexpr double kMapSpacing_s = 0.5;  // between the sweeps that make up the published map
 
 /// Part of the sweep, in order of time.
@@ -40,7 +41,7 @@ LidarInertialCalibrator::~LidarInertialCalibrator() = default;
 
 void LidarInertialCalibrator::addImu(const ImuSample& sample) { impl_->inbox.push(sample); }
 
-std::vector<LidarKeyframe> LidarInertialCalibrator::addScan(const LidarScan& scan) {
+std::vector<LidarKeyframe> LidarInertialCalibrator::addScan(const LidarScan& scan, const std::function<void()>& look) {
   Impl& m = *impl_;
   ++m.diagnostics.counts["scans"];
   if (!m.inbox.drainTo(&m.window.imu())) reset();
@@ -65,7 +66,7 @@ std::vector<LidarKeyframe> LidarInertialCalibrator::addScan(const LidarScan& sca
     return m.takeKeyframes();
   }
   m.waiting.push_back(kept);
-  m.advance();
+  m.advance(look);
   return m.takeKeyframes();
 }
 
@@ -81,7 +82,7 @@ std::vector<LidarKeyframe> LidarInertialCalibrator::flush() {
   return m.takeKeyframes();
 }
 
-void LidarInertialCalibrator::Impl::advance() {
+void LidarInertialCalibrator::Impl::advance(const std::function<void()>& look) {
   const TimeNs offset = toNs(window.state().calibration.lidar_time_offset_s);
   while (started && !waiting.empty() && endOf(*waiting.front()) + offset <= window.imu().lastStamp()) {
     const auto scan = waiting.front();
@@ -96,16 +97,19 @@ void LidarInertialCalibrator::Impl::advance() {
     window.extendTo(endOf(*scan) + offset);
     window.addScan(scan);
     unreported.push_back(scan);
+    window.relink(Relink::kNewScans, kSlack_m);  // at once: the newest sweep is shown with its planes
+    if (look) look();
     if (isDue(window.state().nodes.back().stamp, last_solve, params.solve_period_s)) solve();
   }
-  if (started) return window.updateChain();
+  if (started) return;
   for (const auto& scan : waiting) explore(scan);
   waiting.clear();
 }
 
 /// Whether the states explain the sweeps after it.
 bool LidarInertialCalibrator::Impl::solveWindow() {
-  window.relink(window.neededRelink(), 0.02);
+  const Relink needed = window.neededRelink();
+  if (needed != Relink::kNewScans) window.relink(needed, kSlack_m);
   if (window.optimize(kIterations).failed) return false;
   window.learnNoise();
   return explainsData(window);
@@ -127,9 +131,9 @@ void LidarInertialCalibrator::Impl::restart(const std::string& reason) {
 void LidarInertialCalibrator::Impl::solve() {
   last_solve = window.state().nodes.back().stamp;
   if (failed.note(solveWindow(), &diagnostics)) return restart("the sweeps contradict the inertial data");
+  publish();  // first: the covariance is that of the solve, which marginalizing forgets
   const TimeNs oldest = last_solve - toNs(params.window_s);
   if (!window.marginalizeBefore(oldest)) ++diagnostics.counts["failed marginalizations"];
-  publish();
 }
 
 void LidarInertialCalibrator::Impl::publish() {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <deque>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -48,7 +49,7 @@ struct LidarInertialCalibrator::Impl {
   void declareUnseen(std::string* reason);
   void startWindow(const Alignment& alignment);
   // After it.
-  void advance();
+  void advance(const std::function<void()>& look = nullptr);
   void solve();
   bool solveWindow();
   void restart(const std::string& reason);

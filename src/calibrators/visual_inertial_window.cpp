@@ -97,9 +97,9 @@ bool VisualInertialCalibrator::Impl::solveWindow() {
 void VisualInertialCalibrator::Impl::solve() {
   last_solve = window.state().nodes.back().stamp;
   if (failed.note(solveWindow(), &diagnostics)) return restart("the pictures contradict the inertial data");
+  publish();  // first: the covariance is that of the solve, which marginalizing forgets
   const TimeNs oldest = last_solve - toNs(params.window_s);
   if (!window.marginalizeBefore(oldest)) ++diagnostics.counts["failed marginalizations"];
-  publish();
 }
 
 /// Looks for the mounting anew, as if nothing were known.

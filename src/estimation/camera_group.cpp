@@ -84,9 +84,9 @@ void CameraGroup::accumulate(const WindowState& state, const InertialChain& chai
   constexpr int column = GlobalLayout::kCamera;
   for (std::size_t i = 0; i < frames_.size(); ++i) {
     scatterPose(poses_[i], frames_[i].node, column, sums.H[i], sums.b[i], system);
-    for (const auto& [j, H] : sums.pairs[i]) {
-      const auto k = static_cast<std::size_t>(j);
-      scatterPosePair(poses_[i], frames_[i].node, poses_[k], frames_[k].node, column, H, system);
+    for (std::size_t j = 0; j < sums.pairs[i].frames.size(); ++j) {
+      const auto k = static_cast<std::size_t>(sums.pairs[i].frames[j]);
+      scatterPosePair(poses_[i], frames_[i].node, poses_[k], frames_[k].node, column, sums.pairs[i].H[j], system);
     }
   }
   system->cost += sums.cost;

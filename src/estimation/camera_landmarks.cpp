@@ -38,23 +38,14 @@ double expectedWeighed(double degrees, double freedom) {
 
 }  // namespace
 
-struct CameraGroup::Views {
-  std::vector<int> frames;
-  std::vector<double> times_s;     // since the first
-  std::vector<Eigen::Vector2d> r;  // over the white part's sigma, as the Jacobians
-  std::vector<Eigen::Matrix<double, 2, 6>> J_pose;
-  std::vector<Eigen::Matrix<double, 2, 3>> J_landmark;
-  // Rows of the information times all Jacobians and residuals, and the whitened square of all residuals.
-  Eigen::MatrixXd information;
-  std::vector<Eigen::Matrix<double, 2, 3>> weighed_J;
-  std::vector<Eigen::Vector2d> weighed_r;
-  double squared = 0.0;
-
-  double at(std::size_t i, std::size_t j) const {
-    return information(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j));
-  }
-  double degrees() const { return 2.0 * static_cast<double>(frames.size()) - 3.0; }
-};
+void CameraGroup::Views::clear() {
+  frames.clear();
+  times_s.clear();
+  r.clear();
+  J_pose.clear();
+  J_landmark.clear();
+  squared = 0.0;
+}
 
 void CameraGroup::triangulate(Landmark* landmark, const std::vector<TimedSensorPose>& poses) const {
   Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
@@ -103,6 +94,7 @@ bool CameraGroup::view(const Landmark& landmark, const std::vector<TimedSensorPo
   const Eigen::Vector3d p_W = landmarkPoint(landmark.T_W_A, landmark.uv_rho);
   const Eigen::Matrix3d J = landmarkJacobian(landmark.T_W_A, landmark.uv_rho);
   TimeNs first = 0;
+  views->clear();
   for (const Observation& o : landmark.observations) {
     if (!o.used) continue;
     const auto f = static_cast<std::size_t>(o.frame);
@@ -119,11 +111,11 @@ bool CameraGroup::view(const Landmark& landmark, const std::vector<TimedSensorPo
 }
 
 void CameraGroup::addLandmark(Landmark* landmark, Sums* sums) const {
-  Views views;
+  Views& views = sums->views;
   if (!view(*landmark, *sums->poses, &views)) return;
   weigh(&views);
   const RobustWeight robust = studentT(views.squared, views.degrees(), params_.track_freedom);
-  if (!eliminate(views, robust.weight, landmark, sums)) return;
+  if (!eliminate(robust.weight, landmark, sums)) return;
   sums->cost += robust.cost;
   sums->track_noise.add(views.times_s, views.r, robust.weight);
   sums->track_noise.addWhitened(views.squared, expectedWeighed(views.degrees(), params_.track_freedom), robust.weight);
@@ -147,15 +139,18 @@ void CameraGroup::weigh(Views* views) const {
   }
 }
 
-bool CameraGroup::eliminate(const Views& views, double weight, Landmark* landmark, Sums* sums) const {
+bool CameraGroup::eliminate(double weight, Landmark* landmark, Sums* sums) const {
   Landmark& l = *landmark;
-  const std::size_t n = views.frames.size();
+  Views& v = sums->views;
+  const std::size_t n = v.frames.size();
   Eigen::Matrix3d V = Eigen::Matrix3d::Zero();
   V(2, 2) = kRegularInverseDepth;
   Eigen::Vector3d g = Eigen::Vector3d::Zero();
   for (std::size_t i = 0; i < n; ++i) {
-    V.noalias() += weight * views.J_landmark[i].transpose() * views.weighed_J[i];
-    g.noalias() += weight * views.J_landmark[i].transpose() * views.weighed_r[i];
+    v.weighed_J[i] *= weight;
+    v.weighed_r[i] *= weight;
+    V += v.J_landmark[i].transpose().lazyProduct(v.weighed_J[i]);
+    g += v.J_landmark[i].transpose().lazyProduct(v.weighed_r[i]);
   }
   const Eigen::LLT<Eigen::Matrix3d> llt(V);
   if (llt.info() != Eigen::Success) return false;
@@ -163,19 +158,23 @@ bool CameraGroup::eliminate(const Views& views, double weight, Landmark* landmar
   l.V_inverse = llt.solve(Eigen::Matrix3d::Identity());
   l.gradient = g;
   l.W.clear();
+  v.freed_J.resize(n);
   for (std::size_t i = 0; i < n; ++i) {
-    l.W.emplace_back(views.frames[i], weight * views.J_pose[i].transpose() * views.weighed_J[i]);
+    l.W.emplace_back(v.frames[i], v.J_pose[i].transpose().lazyProduct(v.weighed_J[i]));
+    v.freed_J[i] = v.weighed_J[i].lazyProduct(l.V_inverse);
   }
   for (std::size_t i = 0; i < n; ++i) {
-    const auto f = static_cast<std::size_t>(views.frames[i]);
-    const Eigen::Matrix<double, 6, 3> W_V = l.W[i].second * l.V_inverse;
-    const Eigen::Matrix<double, 6, 2> wJ = weight * views.J_pose[i].transpose();
-    sums->b[f].noalias() += wJ * views.weighed_r[i] - W_V * g;
-    sums->H[f].noalias() += views.at(i, i) * wJ * views.J_pose[i] - W_V * l.W[i].second.transpose();
-    for (std::size_t j = i + 1; j < n; ++j) {
-      sums->pairs[f].try_emplace(views.frames[j], Matrix6d::Zero()).first->second.noalias() +=
-          views.at(i, j) * wJ * views.J_pose[j] - W_V * l.W[j].second.transpose();
-    }
+    const auto f = static_cast<std::size_t>(v.frames[i]);
+    // Between two views all goes through their two pixel coordinates: 2 x 2 before it is 6 x 6.
+    const auto addPair = [&](std::size_t j, Matrix6d* H) {
+      Eigen::Matrix2d K = -v.freed_J[i].lazyProduct(v.weighed_J[j].transpose());
+      K.diagonal().array() += weight * v.at(i, j);
+      const Eigen::Matrix<double, 6, 2> J_K = v.J_pose[i].transpose().lazyProduct(K);
+      *H += J_K.lazyProduct(v.J_pose[j]);
+    };
+    sums->b[f] += v.J_pose[i].transpose() * (v.weighed_r[i] - v.freed_J[i] * g);
+    addPair(i, &sums->H[f]);
+    for (std::size_t j = i + 1; j < n; ++j) addPair(j, &sums->pairs[f].with(v.frames[j]));
   }
   return true;
 }

@@ -132,9 +132,10 @@ void LidarGroup::link(const WindowState& state, const InertialChain& chain, cons
   };
   // Sweeps do not depend on each other; every other one goes to a second thread.
   const auto first = static_cast<std::size_t>(first_scan);
-  std::thread second([&] { linkFrom(first + 1, 2); });
+  std::thread second;
+  if (first + 1 < scans_.size()) second = std::thread([&] { linkFrom(first + 1, 2); });
   linkFrom(first, 2);
-  second.join();
+  if (second.joinable()) second.join();
 }
 
 void LidarGroup::findBoard(const WindowState& state, const InertialChain& chain, double slack_m, Scan* whole) const {

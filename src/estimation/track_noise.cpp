@@ -1,6 +1,5 @@
 #include "cocalib/estimation/track_noise.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
@@ -18,12 +17,30 @@ constexpr double kMaxDrift_per_s = 200.0;
 Eigen::MatrixXd TrackNoise::information(const std::vector<double>& times_s) const {
   const auto n = static_cast<Eigen::Index>(times_s.size());
   if (drift_per_s <= 0.0) return Eigen::MatrixXd::Identity(n, n);
-  Eigen::MatrixXd C(n, n);
-  for (Eigen::Index i = 0; i < n; ++i) {
-    for (Eigen::Index j = i; j < n; ++j) C(i, j) = C(j, i) = drift_per_s * times_s[static_cast<std::size_t>(i)];
-    C(i, i) += 1.0;
+  // The steps from one observation to the next (from zero to the first one) have a covariance M that is tridiagonal:
+  // 2 + the drift between them on its diagonal (1 in the first place), -1 beside it.
+  const auto drift = [&](Eigen::Index k) {
+    const auto i = static_cast<std::size_t>(k);
+    return drift_per_s * (k == 0 ? times_s[i] : times_s[i] - times_s[i - 1]);
+  };
+  Eigen::MatrixXd P(n, n);  // M^-1; the pivots of M stand on its diagonal first
+  for (Eigen::Index k = 0; k < n; ++k) P(k, k) = (k == 0 ? 1.0 : 2.0 - 1.0 / P(k - 1, k - 1)) + drift(k);
+  for (Eigen::Index k = n - 1; k >= 0; --k) {
+    const double inverse = 1.0 / P(k, k);
+    P(k, k) = k + 1 < n ? inverse + inverse * inverse * P(k + 1, k + 1) : inverse;
+    for (Eigen::Index j = k + 1; j < n; ++j) P(j, k) = inverse * P(j, k + 1);
   }
-  return C.llt().solve(Eigen::MatrixXd::Identity(n, n));
+  // Observations in place of steps, in the lower triangle, in the order in which nothing is needed again.
+  for (Eigen::Index j = 0; j < n; ++j) {
+    for (Eigen::Index i = j; i < n; ++i) {
+      const double below = i + 1 < n ? P(i + 1, j) : 0.0;
+      const double right = j + 1 < n ? (i == j ? below : P(i, j + 1)) : 0.0;
+      const double both = i + 1 < n ? P(i + 1, j + 1) : 0.0;
+      P(i, j) += both - below - right;
+      P(j, i) = P(i, j);
+    }
+  }
+  return P;
 }
 
 void TrackNoiseEstimator::add(const std::vector<double>& times_s, const std::vector<Eigen::Vector2d>& residuals_px,

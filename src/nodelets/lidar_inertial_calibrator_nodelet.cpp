@@ -69,9 +69,7 @@ class LidarInertialNodelet : public nodelet::Nodelet {
   void onCloud(const sensor_msgs::PointCloud2ConstPtr& msg) {
     if (raw_publisher_.getNumSubscribers() > 0) raw_publisher_.publish(msg);
     session_->addData([this, msg](LidarPipeline& pipeline) {
-      std::vector<LidarKeyframe> keyframes = pipeline.addCloud(*msg);
-      publishClouds(pipeline.calibrator());
-      return keyframes;
+      return pipeline.addCloud(*msg, [&] { publishClouds(pipeline.calibrator()); });
     });
   }
 

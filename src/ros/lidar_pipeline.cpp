@@ -35,7 +35,8 @@ void LidarPipeline::reset() {
   calibrator_.reset();
 }
 
-std::vector<LidarKeyframe> LidarPipeline::addCloud(const sensor_msgs::PointCloud2& msg) {
+std::vector<LidarKeyframe> LidarPipeline::addCloud(const sensor_msgs::PointCloud2& msg,
+                                                   const std::function<void()>& look) {
   notices_.count("clouds");
   if (!imu_.accepts(toTimeNs(msg.header.stamp), topic_, "clouds", &notices_)) return {};
   std::string problem;
@@ -48,7 +49,7 @@ std::vector<LidarKeyframe> LidarPipeline::addCloud(const sensor_msgs::PointCloud
   }
   if (!reader_.description().empty()) notices_.inform(topic_ + ": " + reader_.description());
   if (!reader_.warning().empty()) notices_.warn(topic_ + ": " + reader_.warning());
-  return calibrator_.addScan(*scan);
+  return calibrator_.addScan(*scan, look);
 }
 
 std::optional<std::string> LidarPipeline::inputProblem() const {

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <set>
 
 #include "cocalib/sim/imu.h"
@@ -108,6 +109,30 @@ TEST(LidarInertialCalibrator, VersionsChangeBetweenCloudsOnly) {
     EXPECT_GT(calibrator->deskewedCloud()->calibration_version, last);
   }
   EXPECT_GT(seen.size(), 3U);
+}
+
+// Whoever shows the sweeps need not wait for a solve, nor see only those with their planes that one has just followed.
+TEST(LidarInertialCalibrator, ShowsEverySweepWithItsPlanesBeforeItSolves) {
+  sim::Scenario s;
+  s.duration_s = 8.0;
+  const Recording recording(s);
+  const auto calibrator = recording.makeCalibrator();
+  int since_start = 0, shown = 0;
+  for (int k = 0; k < recording.sweeps(); ++k) {
+    const TimeNs before = calibrator->estimate().stamp;
+    if (calibrator->deskewedCloud()) ++since_start;
+    const LidarScan sweep = recording.sweep(k);
+    calibrator->addScan(sweep, [&] {
+      EXPECT_EQ(calibrator->estimate().stamp, before);
+      const auto cloud = calibrator->deskewedCloud();
+      ASSERT_TRUE(cloud);
+      const auto on_planes = std::count_if(cloud->plane.begin(), cloud->plane.end(), [](int p) { return p >= 0; });
+      EXPECT_GT(static_cast<double>(on_planes), 0.2 * static_cast<double>(cloud->plane.size())) << k;
+      ++shown;
+    });
+  }
+  EXPECT_GT(since_start, 20);
+  EXPECT_GE(shown, since_start);
 }
 
 // Through three of the building's rooms: the walls of the first are out of sight long before the end.

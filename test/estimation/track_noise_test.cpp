@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 
@@ -44,6 +45,22 @@ double whitened(const TrackNoise& noise, const std::vector<Eigen::Vector2d>& err
     }
   }
   return sum / (noise.sigma_px * noise.sigma_px);
+}
+
+TEST(TrackNoise, InformationInvertsTheCovariance) {
+  for (const std::vector<double>& times : {kTimes, std::vector<double>{0.3, 0.4, 0.41}, std::vector<double>{0.0}}) {
+    for (const double drift_per_s : {0.0, 1e-6, 3.0, 200.0}) {
+      const auto n = static_cast<Eigen::Index>(times.size());
+      Eigen::MatrixXd covariance = Eigen::MatrixXd::Identity(n, n);
+      for (Eigen::Index i = 0; i < n; ++i) {
+        for (Eigen::Index j = 0; j < n; ++j) {
+          covariance(i, j) += drift_per_s * times[static_cast<std::size_t>(std::min(i, j))];
+        }
+      }
+      const Eigen::MatrixXd product = TrackNoise{0.3, drift_per_s}.information(times) * covariance;
+      EXPECT_LT((product - Eigen::MatrixXd::Identity(n, n)).cwiseAbs().maxCoeff(), 1e-9) << drift_per_s;
+    }
+  }
 }
 
 TEST(TrackNoise, WhitensWhatItDescribes) {

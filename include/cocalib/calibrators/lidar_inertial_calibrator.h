@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -48,7 +49,9 @@ class LidarInertialCalibrator {
 
   /// Processes one sweep; sweeps come in order. Returns the keyframes that are complete now, in order (see
   /// VisualInertialCalibrator::addImage()).
-  std::vector<LidarKeyframe> addScan(const LidarScan& scan);
+  /// @param look  called after every sweep that joins the window, before a solve that may be due: whoever shows
+  ///              deskewedCloud() need not wait for it
+  std::vector<LidarKeyframe> addScan(const LidarScan& scan, const std::function<void()>& look = nullptr);
 
   /// Keyframes held back for want of a state, at the end of the data.
   std::vector<LidarKeyframe> flush();

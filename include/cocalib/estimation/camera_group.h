@@ -109,8 +109,8 @@ class CameraGroup {
   /// Applies the noise, which observations share.
   void weigh(Views* views) const;
   void addLandmark(Landmark* landmark, Sums* sums) const;
-  /// Eliminates the landmark and adds what its views then say of the poses.
-  bool eliminate(const Views& views, double weight, Landmark* landmark, Sums* sums) const;
+  /// Eliminates the landmark whose views `sums` hold, and adds what they then say of the poses.
+  bool eliminate(double weight, Landmark* landmark, Sums* sums) const;
 
   Params params_;
   std::vector<Frame> frames_;

@@ -3,6 +3,7 @@
 #include <sensor_msgs/Imu.h>
 #include <sensor_msgs/PointCloud2.h>
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -22,7 +23,8 @@ class LidarPipeline {
   explicit LidarPipeline(const RigConfig& rig, LidarInertialParams params = {});
 
   void addImu(const sensor_msgs::Imu& msg);
-  std::vector<LidarKeyframe> addCloud(const sensor_msgs::PointCloud2& msg);
+  /// @param look  see LidarInertialCalibrator::addScan()
+  std::vector<LidarKeyframe> addCloud(const sensor_msgs::PointCloud2& msg, const std::function<void()>& look = nullptr);
   void reset();
 
   LidarInertialCalibrator& calibrator() { return calibrator_; }
