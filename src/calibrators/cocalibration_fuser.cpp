@@ -154,7 +154,7 @@ std::optional<NavState> CoCalibrationFuser::latestState() const {
 
 ResidualSamples CoCalibrationFuser::residuals() const {
   if (!impl_->published) return {};
-  return collectResiduals(*impl_->published, impl_->imu_noise);
+  return collectResiduals(*impl_->published);
 }
 
 CalibratorDiagnostics CoCalibrationFuser::diagnostics() const {

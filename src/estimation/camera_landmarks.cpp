@@ -13,9 +13,9 @@ namespace {
 
 constexpr double kFirstInverseDepth = 0.2;  // 1/m, where the rays tell none yet
 constexpr double kMinInverseDepth = 1e-3;
-// Nothing is known of a depth beforehand. Any knowledge, however weak, is shared by hundreds of landmarks, and what they
-// share is the scale: 0.2 +- 1 per metre took a scene at 0.8 m to be a tenth larger than it was. This only keeps the
-// elimination of a point without parallax regular; it pulls nowhere.
+// Nothing is known of a depth beforehand. Any knowledge, however weak, is shared by hundreds of landmarks, and what
+// they share is the scale: 0.2 +- 1 per metre took a scene at 0.8 m to be a tenth larger than it was. This only keeps
+// the elimination of a point without parallax regular; it pulls nowhere.
 constexpr double kRegularInverseDepth = 1e-4;
 
 Eigen::Vector3d landmarkPoint(const Pose& T_W_A, const Eigen::Vector3d& uv_rho) {
@@ -36,11 +36,23 @@ double expectedWeighed(double degrees, double freedom) {
   return degrees * (1.0 - 2.0 * freedom / (all * all));
 }
 
+// Parts of a picture whose tracks are taken to share what is wrong with the lens model or the surface there.
+constexpr std::size_t kPlaceCols = 3, kPlaceRows = 2, kPlaces = kPlaceCols * kPlaceRows;
+
+std::size_t placeOf(const Eigen::Vector2d& px, const CameraModel& camera) {
+  const auto part = [](double value, int size, std::size_t parts) {
+    const double at = std::clamp(value / size, 0.0, 0.999);
+    return static_cast<std::size_t>(at * static_cast<double>(parts));
+  };
+  return kPlaceCols * part(px.y(), camera.height(), kPlaceRows) + part(px.x(), camera.width(), kPlaceCols);
+}
+
 }  // namespace
 
 void CameraGroup::Views::clear() {
   frames.clear();
   times_s.clear();
+  places.clear();
   r.clear();
   J_pose.clear();
   J_landmark.clear();
@@ -63,7 +75,7 @@ void CameraGroup::triangulate(Landmark* landmark, const std::vector<TimedSensorP
   }
   const auto bearing_A = params_.camera.unproject(middle.px);
   if (!bearing_A || bearing_A->z() < 0.1) return;
-  // Nearly parallel rays tell no depth: start at the prior then, the solve will find what there is to find.
+  // Nearly parallel rays tell no depth: start anywhere then, the solve will find what there is to find.
   const Eigen::LDLT<Eigen::Matrix3d> ldlt(A);
   double rho = kFirstInverseDepth;
   if (ldlt.rcond() > 1e-5) {
@@ -103,6 +115,7 @@ bool CameraGroup::view(const Landmark& landmark, const std::vector<TimedSensorPo
     if (views->frames.empty()) first = frames_[f].stamp;
     views->frames.push_back(o.frame);
     views->times_s.push_back(toSeconds(frames_[f].stamp - first));
+    views->places.push_back(kPlaces * f + placeOf(o.px, params_.camera));
     views->r.push_back(seen->r);
     views->J_pose.push_back(seen->J_pose);
     views->J_landmark.push_back(seen->J_point * J);
@@ -117,7 +130,7 @@ void CameraGroup::addLandmark(Landmark* landmark, Sums* sums) const {
   const RobustWeight robust = studentT(views.squared, views.degrees(), params_.track_freedom);
   if (!eliminate(robust.weight, landmark, sums)) return;
   sums->cost += robust.cost;
-  sums->track_noise.add(views.times_s, views.r, robust.weight);
+  sums->track_noise.add(views.times_s, views.places, views.r, robust.weight);
   sums->track_noise.addWhitened(views.squared, expectedWeighed(views.degrees(), params_.track_freedom), robust.weight);
   const double px2 = params_.track_noise.sigma_px * params_.track_noise.sigma_px;
   for (const Eigen::Vector2d& r : views.r) sums->track_square_px += 0.5 * px2 * r.squaredNorm();

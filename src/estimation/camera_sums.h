@@ -10,8 +10,9 @@ namespace cocalib {
 /// One landmark's observations; kept from one to the next, so that none of them allocates.
 struct CameraGroup::Views {
   std::vector<int> frames;
-  std::vector<double> times_s;     // since the first
-  std::vector<Eigen::Vector2d> r;  // over the white part's sigma, as the Jacobians
+  std::vector<double> times_s;      // since the first
+  std::vector<std::size_t> places;  // the parts of the pictures that they lie in
+  std::vector<Eigen::Vector2d> r;   // over the white part's sigma, as the Jacobians
   std::vector<Eigen::Matrix<double, 2, 6>> J_pose;
   std::vector<Eigen::Matrix<double, 2, 3>> J_landmark;
   // Rows of the information times all Jacobians and residuals, and the whitened square of all residuals.

@@ -1,6 +1,6 @@
 #include "cocalib/estimation/inertial_window.h"
 
-#include <Eigen/Eigenvalues>
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <thread>
@@ -10,22 +10,12 @@
 namespace cocalib {
 namespace {
 
-constexpr double kGaugeSigma =
-    1e-4;  // position [m] and heading [rad] of the first node: fixed, nothing depends on them
-constexpr double kUnknownOutline = 0.05;  // m, 1 sigma, where the rig file gives no plate size
 // The biases' random walk is so small that even a millionth of its information, summed over the nodes of a window,
 // outweighs what the data say about the bias: more damping than this would hold it back for many iterations.
 constexpr double kFirstLambda = 1e-10, kMinLambda = 1e-12, kMaxLambda = 1e8;
 constexpr double kNegligible = 1e-2;  // decrease of the cost: a seventh of a sigma of one parameter
 constexpr double kInvisible = 1e-3;
 constexpr double kMinKnown = 0.9;  // share of the points on planes, over what it was when the planes were found
-
-void addDiagonalPrior(ChainSystem* system, int column, double error, double sigma) {
-  const double w = 1.0 / (sigma * sigma);
-  system->H_global(column, column) += w;
-  system->b_global[column] += w * error;
-  system->cost += 0.5 * w * error * error;
-}
 
 }  // namespace
 
@@ -58,6 +48,8 @@ void InertialWindow::reset(const NavState& first, const Calibration& calibration
   solved_.reset();
   excitation_ = LeverExcitation();
   board_known_ = false;
+  imu_scale_ = ImuNoiseScale();
+  imu_learnt_until_ = 0;
   linked_scans_ = scans_since_planes_ = 0;
 }
 
@@ -80,6 +72,39 @@ void InertialWindow::extendTo(TimeNs stamp) {
     const TimeNs at = i == count ? stamp : last.stamp + toNs(span * i / count);
     addNode(propagate(segment, last, state_.gravity, at));
   }
+}
+
+void InertialWindow::learnNoise() {
+  learnImuNoise();                                        // first: it needs the system as it was solved
+  if (camera_ && camera_->learnNoise()) solved_.reset();  // its information was that of another noise
+  if (lidar_) lidar_->learnRangeNoise();
+}
+
+/// Noise hardly changes, and to measure it costs a solve: once it is settled every few seconds will do.
+void InertialWindow::learnImuNoise() {
+  constexpr double kPeriod_s = 3.0, kMost = 20.0, kMatters = 0.05;
+  if (!solved_ || toSeconds(state_.nodes.back().stamp - imu_learnt_until_) < kPeriod_s) return;
+  const auto factor = measureImuNoise(chain_, state_, *solved_);
+  if (!factor) return;
+  const ImuNoiseScale scale = {std::clamp(imu_scale_.gyro * factor->gyro, 1.0, kMost),
+                               std::clamp(imu_scale_.accel * factor->accel, 1.0, kMost)};
+  const auto differs = [](double a, double b) { return std::abs(a - b) > kMatters * b; };
+  if (differs(scale.gyro, imu_scale_.gyro) || differs(scale.accel, imu_scale_.accel)) {
+    scaleImuNoise(scale);
+  } else {
+    imu_learnt_until_ = state_.nodes.back().stamp;
+  }
+}
+
+void InertialWindow::scaleImuNoise(const ImuNoiseScale& scale) {
+  if (scale.gyro == imu_scale_.gyro && scale.accel == imu_scale_.accel) return;
+  imu_scale_ = scale;
+  ImuNoise noise = params_.imu_noise;
+  noise.gyro_noise_density *= scale.gyro;
+  noise.accel_noise_density *= scale.accel;
+  chain_.setNoise(noise);
+  updateChain();
+  solved_.reset();
 }
 
 void InertialWindow::startBoard() {
@@ -154,83 +179,6 @@ void InertialWindow::rebuildPlanes() {
     if (is_new) prior_->startPlane(static_cast<int>(i), state_.planes[i]);
   }
   scans_since_planes_ = 0;
-}
-
-/// Knowledge of what is shared, from before any data. Never part of a marginalization, so that it stays what it was.
-void InertialWindow::addGlobalPriors(const WindowState& state, ChainSystem* system) const {
-  using Layout = GlobalLayout;
-  // Board and planes have no prior to speak of; these only keep an unseen one regular.
-  for (int i = 0; i < 6; ++i) addDiagonalPrior(system, Layout::kBoard + i, 0.0, 1e3);
-  for (int i = Layout::kFixed; i < system->globals(); ++i) addDiagonalPrior(system, i, 0.0, 1e3);
-
-  const WindowPriors& prior = params_.priors;
-  const Eigen::VectorXd d = globalMinus(state, origin_);
-  addDiagonalPrior(system, Layout::kGravity, d[Layout::kGravity], prior.gravity);
-  if (calibration_prior_) addCalibrationPrior(state, system);
-  for (const int block : {Layout::kCamera, Layout::kLidar}) {
-    if (calibration_prior_) break;
-    const double translation_m = block == Layout::kCamera ? prior.camera_translation_m : prior.lidar_translation_m;
-    for (int i = 0; i < 3; ++i) {
-      addDiagonalPrior(system, block + i, d[block + i], translation_m);
-      addDiagonalPrior(system, block + 3 + i, d[block + 3 + i], prior.extrinsic_rotation_rad);
-    }
-    addDiagonalPrior(system, block + 6, d[block + 6], prior.time_offset_s);
-  }
-  const bool plate_given =
-      params_.camera && params_.camera->board && params_.camera->board->width_m && params_.camera->board->height_m;
-  for (int i = 0; i < 4; ++i) {
-    addDiagonalPrior(system, Layout::kOutline + i, d[Layout::kOutline + i],
-                     plate_given ? prior.outline_m : kUnknownOutline);
-  }
-}
-
-/// The first node's prior; it goes into the first marginalization.
-void InertialWindow::addFirstPrior(const WindowState& state, ChainSystem* system) const {
-  const WindowPriors& prior = params_.priors;
-  Vector15d sigma;
-  sigma << Eigen::Vector3d::Constant(kGaugeSigma), 10.0, 10.0, kGaugeSigma, Eigen::Vector3d::Constant(100.0),
-      Eigen::Vector3d::Constant(prior.gyro_bias), Eigen::Vector3d::Constant(prior.accel_bias);
-  NavState centre = origin_.nodes.front();
-  centre.gyro_bias.setZero();
-  centre.accel_bias.setZero();
-  const Vector15d w = sigma.array().square().inverse();
-  const Vector15d error = minus(state.nodes.front(), centre);
-  system->diagonal(0).diagonal() += w;
-  system->gradient(0) += w.cwiseProduct(error);
-  system->cost += 0.5 * error.dot(w.cwiseProduct(error));
-}
-
-/// While the rig has not turned, nothing tells the accelerometer's bias from a tilt of the world and from gravity. The
-/// marginalized prior, linearized at other tilts, takes such a tilt for something that it knows, and the estimate runs
-/// away along it. So the bias stays where it started: any other explains the data as well. Never part of a
-/// marginalization, so that nothing of it is left once the rig turns.
-void InertialWindow::holdAccelBias(const WindowState& state, ChainSystem* system) const {
-  constexpr double kHeld = 1e-3;  // [m/s^2]
-  const int newest = static_cast<int>(state.nodes.size()) - 1;
-  const Eigen::Vector3d error = state.nodes.back().accel_bias - origin_.nodes.front().accel_bias;
-  const double w = 1.0 / (kHeld * kHeld);
-  system->diagonal(newest).diagonal().tail<3>().array() += w;
-  system->gradient(newest).tail<3>() += w * error;
-  system->cost += 0.5 * w * error.squaredNorm();
-}
-
-void InertialWindow::setCalibrationPrior(const std::optional<CalibrationPrior>& prior) {
-  calibration_prior_ = prior;
-  if (prior) prior_information_ = prior->covariance.llt().solve(Matrix14d::Identity());
-}
-
-void InertialWindow::addCalibrationPrior(const WindowState& state, ChainSystem* system) const {
-  const Calibration &now = state.calibration, &mean = calibration_prior_->mean;
-  Vector14d error;
-  error << now.T_imu_camera.minus(mean.T_imu_camera), now.T_imu_lidar.minus(mean.T_imu_lidar),
-      now.camera_time_offset_s - mean.camera_time_offset_s, now.lidar_time_offset_s - mean.lidar_time_offset_s;
-  const Vector14d gradient = prior_information_ * error;
-  for (int i = 0; i < 14; ++i) {
-    const int row = GlobalLayout::calibrationColumn(i);
-    system->b_global[row] += gradient[i];
-    for (int j = 0; j < 14; ++j) system->H_global(row, GlobalLayout::calibrationColumn(j)) += prior_information_(i, j);
-  }
-  system->cost += 0.5 * error.dot(gradient);
 }
 
 void InertialWindow::build(const WindowState& state, int end_node, ChainSystem* system) {

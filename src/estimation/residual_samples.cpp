@@ -22,10 +22,10 @@ void thin(std::vector<float>* samples) {
   samples->resize(kept);
 }
 
-void collectImu(const InertialWindow& window, const ImuNoise& noise, std::vector<float>* sigmas) {
+void collectImu(const InertialWindow& window, std::vector<float>* sigmas) {
   const WindowState& state = window.state();
   for (std::size_t k = 0; k + 1 < state.nodes.size() && static_cast<int>(k) < window.chain().size(); ++k) {
-    const ImuFactor factor(window.chain().segment(static_cast<int>(k)), noise);
+    const ImuFactor factor(window.chain().segment(static_cast<int>(k)), window.chain().noise());
     const Vector15d r = factor.evaluate(state.nodes[k], state.nodes[k + 1], state.gravity).r;
     for (Eigen::Index i = 0; i < 9; ++i) sigmas->push_back(static_cast<float>(r[i]));
   }
@@ -75,10 +75,10 @@ void CameraGroup::collectResiduals(const WindowState& state, const InertialChain
   }
 }
 
-ResidualSamples collectResiduals(const InertialWindow& window, const ImuNoise& imu_noise) {
+ResidualSamples collectResiduals(const InertialWindow& window) {
   ResidualSamples samples;
   if (window.state().nodes.empty() || window.chain().size() == 0) return samples;
-  collectImu(window, imu_noise, &samples.imu_sigmas);
+  collectImu(window, &samples.imu_sigmas);
   if (const CameraGroup* camera = window.camera()) {
     camera->collectResiduals(window.state(), window.chain(), &samples.corners_px, &samples.tracks_px);
     samples.corner_sigma_px = camera->params().corner_sigma_px;

@@ -43,9 +43,15 @@ Eigen::MatrixXd TrackNoise::information(const std::vector<double>& times_s) cons
   return P;
 }
 
-void TrackNoiseEstimator::add(const std::vector<double>& times_s, const std::vector<Eigen::Vector2d>& residuals_px,
-                              double weight) {
+void TrackNoiseEstimator::add(const std::vector<double>& times_s, const std::vector<std::size_t>& places,
+                              const std::vector<Eigen::Vector2d>& residuals_px, double weight) {
   ++tracks_;
+  for (std::size_t i = 1; i < places.size(); ++i) {
+    if (places[i] >= places_.size()) places_.resize(places[i] + 1);
+    const Eigen::Vector2d step = weight * (residuals_px[i] - residuals_px[i - 1]);
+    places_[places[i]].sum += step;
+    places_[places[i]].squares += step.squaredNorm();
+  }
   const auto compare = [&](std::size_t lag, Differences* out) {
     for (std::size_t i = 0; i + lag < times_s.size(); ++i) {
       out->squares += 0.5 * weight * (residuals_px[i + lag] - residuals_px[i]).squaredNorm();
@@ -72,9 +78,19 @@ TrackNoise TrackNoiseEstimator::estimate(const TrackNoise& in_use) const {
   }
   // The size follows from all residuals together, and so holds whatever the differences miss.
   if (expected_ > 0.0) {
-    out.sigma_px = std::clamp(in_use.sigma_px * std::sqrt(squared_ / expected_), kMinSigma_px, kMaxSigma_px);
+    const double own_px = in_use.sigma_px * std::sqrt(squared_ / expected_);
+    out.sigma_px = std::clamp(own_px * std::sqrt(designEffect()), kMinSigma_px, kMaxSigma_px);
   }
   return out;
+}
+
+double TrackNoiseEstimator::designEffect() const {
+  double together = 0.0, apart = 0.0;
+  for (const Place& place : places_) {
+    together += place.sum.squaredNorm();
+    apart += place.squares;
+  }
+  return apart > 0.0 ? std::max(1.0, together / apart) : 1.0;
 }
 
 }  // namespace cocalib

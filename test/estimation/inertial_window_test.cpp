@@ -67,6 +67,26 @@ TEST(InertialWindow, CameraCovarianceIsHonest) {
   EXPECT_LT(sum / 12.0, 10.0);
 }
 
+TEST(InertialWindow, ToldALittleNoiseItMeasuresTheImu) {
+  SimulatedWindow::Use use = corners();
+  use.assumed_imu_noise = 1.0 / 3.0;
+  SimulatedWindow sim(scenario(20.0, 4), use);
+  for (int round = 0; round < 8; ++round) {  // each goes a part of the way
+    sim.solve();
+    sim.window().learnNoise();
+  }
+  EXPECT_NEAR(sim.window().imuNoiseScale().gyro, 3.0, 0.3);
+  EXPECT_LT(nees(&sim, true), 24.3);  // 99.9 % of chi-square with 7 degrees
+}
+
+TEST(InertialWindow, ToldTheRightNoiseItKeepsIt) {
+  SimulatedWindow sim(scenario(10.0, 4), corners());
+  sim.solve();
+  sim.window().learnNoise();
+  EXPECT_LT(sim.window().imuNoiseScale().gyro, 1.1);
+  EXPECT_LT(sim.window().imuNoiseScale().accel, 1.1);
+}
+
 TEST(InertialWindow, FindsTheCameraFromTracksAlone) {
   SimulatedWindow sim(scenario(8.0, 2), tracks());
   sim.solve();

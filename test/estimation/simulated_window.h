@@ -19,6 +19,7 @@ class SimulatedWindow {
  public:
   struct Use {
     bool corners = false, tracks = false, lidar = false;
+    double assumed_imu_noise = 1.0;  // over the simulated one
   };
   SimulatedWindow(const sim::Scenario& scenario, const Use& use)
       : scenario_(scenario),
@@ -63,7 +64,8 @@ class SimulatedWindow {
  private:
   static InertialWindow::Params params(const sim::Scenario& scenario, const Use& use) {
     InertialWindow::Params out;
-    out.imu_noise = {scenario.imu.gyro_noise_density, 1e-6, scenario.imu.accel_noise_density, 1e-5};
+    out.imu_noise = {use.assumed_imu_noise * scenario.imu.gyro_noise_density, 1e-6,
+                     use.assumed_imu_noise * scenario.imu.accel_noise_density, 1e-5};
     if (use.corners || use.tracks) {
       out.camera.emplace(scenario.camera.cameraModel());
       out.camera->board = scenario.board.geometry();

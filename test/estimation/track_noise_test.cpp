@@ -36,6 +36,15 @@ class NoisyTracks {
   std::normal_distribution<double> normal_;
 };
 
+/// Places of a track's observations: ten tracks are always side by side, in a part of each of their pictures.
+std::vector<std::size_t> placesOf(int track) {
+  std::vector<std::size_t> places;
+  for (std::size_t i = 0; i < kTimes.size(); ++i) {
+    places.push_back(static_cast<std::size_t>(track / 10) * kTimes.size() + i);
+  }
+  return places;
+}
+
 double whitened(const TrackNoise& noise, const std::vector<Eigen::Vector2d>& errors) {
   const Eigen::MatrixXd information = noise.information(kTimes);
   double sum = 0.0;
@@ -84,7 +93,7 @@ TEST(TrackNoise, IsToldFromResiduals) {
         std::vector<Eigen::Vector2d> errors = tracks.draw();
         const double squared = whitened(noise, errors);
         for (Eigen::Vector2d& error : errors) error /= noise.sigma_px;
-        estimator.add(kTimes, errors, 1.0);
+        estimator.add(kTimes, placesOf(i), errors, 1.0);
         estimator.addWhitened(squared, 20.0, 1.0);
       }
       ASSERT_TRUE(estimator.ready());
@@ -95,10 +104,30 @@ TEST(TrackNoise, IsToldFromResiduals) {
   }
 }
 
+TEST(TrackNoise, TracksThatShareAnErrorTellLess) {
+  constexpr double kShare = 0.3;  // of the variance
+  NoisyTracks own({0.2 * std::sqrt(1.0 - kShare), 0.0}), common({0.2 * std::sqrt(kShare), 0.0});
+  TrackNoise noise;
+  TrackNoiseEstimator estimator;
+  std::vector<Eigen::Vector2d> shared;
+  for (int i = 0; i < 5000; ++i) {
+    if (i % 10 == 0) shared = common.draw();
+    std::vector<Eigen::Vector2d> errors = own.draw();
+    for (std::size_t k = 0; k < errors.size(); ++k) errors[k] += shared[k];
+    const double squared = whitened(noise, errors);
+    for (Eigen::Vector2d& error : errors) error /= noise.sigma_px;
+    estimator.add(kTimes, placesOf(i), errors, 1.0);
+    estimator.addWhitened(squared, 20.0, 1.0);
+  }
+  const double expected = 1.0 + 9.0 * kShare;  // ten side by side
+  EXPECT_NEAR(estimator.designEffect(), expected, 0.1 * expected);
+  EXPECT_NEAR(estimator.estimate(noise).sigma_px, 0.2 * std::sqrt(expected), 0.1 * 0.2 * std::sqrt(expected));
+}
+
 TEST(TrackNoise, AsksForEnoughTracks) {
   TrackNoiseEstimator estimator;
   EXPECT_FALSE(estimator.ready());
-  estimator.add(kTimes, std::vector<Eigen::Vector2d>(kTimes.size(), Eigen::Vector2d::Zero()), 1.0);
+  estimator.add(kTimes, placesOf(0), std::vector<Eigen::Vector2d>(kTimes.size(), Eigen::Vector2d::Zero()), 1.0);
   EXPECT_FALSE(estimator.ready());
 }
 

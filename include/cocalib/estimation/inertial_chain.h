@@ -15,6 +15,13 @@ class InertialChain {
  public:
   explicit InertialChain(const ImuNoise& noise) : noise_(noise) {}
 
+  const ImuNoise& noise() const { return noise_; }
+  /// Replaces the noise; the next update() makes all segments anew.
+  void setNoise(const ImuNoise& noise) {
+    noise_ = noise;
+    for (auto& segment : segments_) segment.reset();
+  }
+
   /// Makes (or makes anew where the biases have moved far from the linearisation) the segments of `nodes`.
   void update(const std::vector<NavState>& nodes, const ImuBuffer& imu);
   /// Forgets the segments of the first `count` nodes.

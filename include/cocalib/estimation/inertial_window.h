@@ -5,6 +5,7 @@
 #include "cocalib/estimation/calibration_prior.h"
 #include "cocalib/estimation/camera_group.h"
 #include "cocalib/estimation/estimate.h"
+#include "cocalib/estimation/imu_noise_scale.h"
 #include "cocalib/estimation/inertial_chain.h"
 #include "cocalib/estimation/lever_excitation.h"
 #include "cocalib/estimation/lidar_group.h"
@@ -88,16 +89,15 @@ class InertialWindow {
   /// @param points   of each scan, see LidarGroup::link()
   void relink(Relink what, double slack_m, std::size_t points = LidarGroup::kLivePoints);
 
-  /// Sets the noise of corners, tracks and ranges to what their residuals show; call it after optimize() and before
-  /// marginalizing.
-  void learnNoise() {
-    if (camera_ && camera_->learnNoise()) solved_.reset();  // its information was that of another noise
-    if (lidar_) lidar_->learnRangeNoise();
-  }
+  /// Sets the noise of corners, tracks, ranges and the IMU to what their residuals show; call it after optimize() and
+  /// before marginalizing. The IMU's is never less than params say.
+  void learnNoise();
+  const ImuNoiseScale& imuNoiseScale() const { return imu_scale_; }
 
-  /// Starts from what another window of the same data has found out: the noise of corners and tracks, and where the
-  /// board stands in the sweeps.
+  /// Starts from what another window of the same data has found out: the noise of the IMU, of corners and tracks, and
+  /// where the board stands in the sweeps.
   void adopt(const InertialWindow& other) {
+    scaleImuNoise(other.imu_scale_);
     if (camera_ && other.camera_) camera_->adoptNoise(*other.camera_);
     if (lidar_ && other.lidar_) lidar_->adoptBoards(*other.lidar_);
   }
@@ -128,6 +128,8 @@ class InertialWindow {
   void holdAccelBias(const WindowState& state, ChainSystem* system) const;
   void addFirstPrior(const WindowState& state, ChainSystem* system) const;
   void addCalibrationPrior(const WindowState& state, ChainSystem* system) const;
+  void learnImuNoise();
+  void scaleImuNoise(const ImuNoiseScale& scale);
   void startBoard();
   void rebuildPlanes();
   std::vector<std::optional<Plane>> retirePlanes();
@@ -144,6 +146,8 @@ class InertialWindow {
   LeverExcitation excitation_;
   std::optional<CalibrationPrior> calibration_prior_;
   Matrix14d prior_information_ = Matrix14d::Zero();  // of calibration_prior_
+  ImuNoiseScale imu_scale_;                          // of params' noise, in use
+  TimeNs imu_learnt_until_ = 0;                      // newest node when it was last measured
   bool board_known_ = false;
   int linked_scans_ = 0;
   int scans_since_planes_ = 0;

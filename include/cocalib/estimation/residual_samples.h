@@ -2,7 +2,6 @@
 
 #include <vector>
 
-#include "cocalib/sensors/imu_noise.h"
 
 namespace cocalib {
 
@@ -16,6 +15,6 @@ struct ResidualSamples {
 };
 
 /// Residuals of everything in the window at its present state. A few thousand of each kind, evenly taken.
-ResidualSamples collectResiduals(const InertialWindow& window, const ImuNoise& imu_noise);
+ResidualSamples collectResiduals(const InertialWindow& window);
 
 }  // namespace cocalib
