@@ -51,7 +51,7 @@ class LidarInertialCalibrator {
   /// VisualInertialCalibrator::addImage()).
   /// @param look  called after every sweep that joins the window, before a solve that may be due: whoever shows
   ///              deskewedCloud() need not wait for it
-  std::vector<LidarKeyframe> addScan(const LidarScan& scan, const std::function<void()>& look = nullptr);
+  std::vector<LidarKeyframe> addScan(LidarScan scan, const std::function<void()>& look = nullptr);
 
   /// Keyframes held back for want of a state, at the end of the data.
   std::vector<LidarKeyframe> flush();
