@@ -1,6 +1,7 @@
 #include "cocalib/calibrators/lidar_inertial_calibrator.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "cocalib/calibrators/window_estimate.h"
 #include "cocalib/estimation/observability.h"
@@ -15,18 +16,19 @@ constexpr double kSlack_m = 0.02;      // of the states, when points look for th
 constexpr double kMapSpacing_s = 0.5;  // between the sweeps that make up the published map
 
 /// Part of the sweep, in order of time.
-std::shared_ptr<const LidarScan> subsample(const LidarScan& scan, int max_points) {
-  auto out = std::make_shared<LidarScan>();
-  out->stamp = scan.stamp;
-  std::size_t stride = scan.points.size() / static_cast<std::size_t>(max_points) + 1;
+std::shared_ptr<const LidarScan> subsample(LidarScan scan, int max_points) {
+  std::vector<LidarPoint>& points = scan.points;
+  std::size_t stride = points.size() / static_cast<std::size_t>(max_points) + 1;
   if (stride % 2 == 0) ++stride;  // lasers come in powers of two: an odd stride visits all of them
-  out->points.reserve(scan.points.size() / stride + 1);
-  for (std::size_t i = 0; i < scan.points.size(); i += stride) out->points.push_back(scan.points[i]);
-  const auto earlier = [](const LidarPoint& a, const LidarPoint& b) { return a.offset_s < b.offset_s; };
-  if (!std::is_sorted(out->points.begin(), out->points.end(), earlier)) {
-    std::stable_sort(out->points.begin(), out->points.end(), earlier);
+  if (stride > 1) {
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < points.size(); i += stride) points[kept++] = points[i];
+    points.resize(kept);
+    points.shrink_to_fit();
   }
-  return out;
+  const auto earlier = [](const LidarPoint& a, const LidarPoint& b) { return a.offset_s < b.offset_s; };
+  if (!std::is_sorted(points.begin(), points.end(), earlier)) std::stable_sort(points.begin(), points.end(), earlier);
+  return std::make_shared<const LidarScan>(std::move(scan));
 }
 
 }  // namespace
@@ -41,7 +43,7 @@ LidarInertialCalibrator::~LidarInertialCalibrator() = default;
 
 void LidarInertialCalibrator::addImu(const ImuSample& sample) { impl_->inbox.push(sample); }
 
-std::vector<LidarKeyframe> LidarInertialCalibrator::addScan(const LidarScan& scan, const std::function<void()>& look) {
+std::vector<LidarKeyframe> LidarInertialCalibrator::addScan(LidarScan scan, const std::function<void()>& look) {
   Impl& m = *impl_;
   ++m.diagnostics.counts["scans"];
   if (!m.inbox.drainTo(&m.window.imu())) reset();
@@ -49,12 +51,12 @@ std::vector<LidarKeyframe> LidarInertialCalibrator::addScan(const LidarScan& sca
     ++m.diagnostics.counts["empty scans"];
     return {};
   }
-  const auto kept = subsample(scan, m.params.max_points);
+  const auto kept = subsample(std::move(scan), m.params.max_points);
   if (!isUsable(*kept)) {
     ++m.diagnostics.counts["scans with impossible numbers"];
     return {};
   }
-  const StampOrder::Verdict order = m.order.take(scan.stamp);
+  const StampOrder::Verdict order = m.order.take(kept->stamp);
   if (order == StampOrder::Verdict::kSetBack) reset();
   if (order != StampOrder::Verdict::kGood) {
     ++m.diagnostics.counts["scans out of order"];

@@ -1,7 +1,9 @@
 #include "cocalib/estimation/chain_system.h"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numeric>
 
 namespace cocalib {
@@ -15,23 +17,115 @@ constexpr double kPivotFloor = 1e-12;
 
 }  // namespace
 
-/// Working copy during an elimination, and what back-substitution needs.
+/// Working copy during an elimination, and what back-substitution needs. Nodes stand in the order of their elimination,
+/// those that stay after them.
 struct ChainSystem::Elimination {
-  struct Pivot {
-    int node;
+  struct Row {
+    int node = -1;
+    std::vector<int> columns;  // places of later nodes that this one couples to, ascending
+    // H_vn of those, then the couplings to the globals, then the gradient: one product serves all of them. Times L^-1
+    // once the node is eliminated.
+    RowBlock data;
+    Matrix15d diagonal;
     Eigen::LLT<Matrix15d> llt;
-    std::vector<std::pair<int, Matrix15d>> neighbours;  // L^-1 H_vn
-    RowBlock globals;                                   // L^-1 H_vg
-    Vector15d b;                                        // L^-1 b_v
+
+    Eigen::Index width() const { return 15 * static_cast<Eigen::Index>(columns.size()); }
   };
-  std::vector<Matrix15d> diagonal;
-  std::vector<std::map<int, Matrix15d>> rows;  // symmetric storage: rows[i][j] = H_ij for both i<j and i>j
-  std::vector<RowBlock> coupling;
-  std::vector<Vector15d> gradient;
+  std::vector<int> place;  // of each node
+  std::vector<Row> rows;   // by place
+  std::size_t count = 0;   // of them are eliminated
   Eigen::MatrixXd H_global;
   Eigen::VectorXd b_global;
-  std::vector<Pivot> pivots;
+  RowBlock product;
+
+  /// Which nodes couple in the end.
+  void findColumns(const ChainSystem& system, const std::vector<int>& order);
+  void fill(const ChainSystem& system, double lambda);
+  /// Takes what row `p`, times L^-1, says off the rows that it couples to.
+  void update(std::size_t p);
 };
+
+void ChainSystem::Elimination::findColumns(const ChainSystem& system, const std::vector<int>& order) {
+  const auto nodes = static_cast<std::size_t>(system.nodes());
+  count = order.size();
+  rows.resize(nodes);
+  place.assign(nodes, -1);
+  int next = 0;
+  const auto append = [&](int node) {
+    rows[static_cast<std::size_t>(next)].node = node;
+    place[static_cast<std::size_t>(node)] = next++;
+  };
+  for (const int node : order) append(node);
+  for (int node = 0; node < system.nodes(); ++node) {
+    if (place[static_cast<std::size_t>(node)] < 0) append(node);
+  }
+  for (std::size_t i = 0; i < nodes; ++i) {
+    for (const auto& entry : system.off_diagonal_[i]) {
+      const auto [first, second] = std::minmax(place[i], place[static_cast<std::size_t>(entry.first)]);
+      rows[static_cast<std::size_t>(first)].columns.push_back(second);
+    }
+  }
+  for (Row& row : rows) std::sort(row.columns.begin(), row.columns.end());
+  std::vector<int> merged;
+  for (std::size_t p = 0; p < count; ++p) {
+    const std::vector<int>& own = rows[p].columns;
+    for (auto column = own.begin(); column != own.end(); ++column) {
+      std::vector<int>& theirs = rows[static_cast<std::size_t>(*column)].columns;
+      merged.clear();
+      std::set_union(column + 1, own.end(), theirs.begin(), theirs.end(), std::back_inserter(merged));
+      theirs = merged;
+      // What is eliminated itself hands on to the others.
+      if (static_cast<std::size_t>(*column) < count) break;
+    }
+  }
+}
+
+void ChainSystem::Elimination::fill(const ChainSystem& system, double lambda) {
+  const Eigen::Index G = system.b_global.size();
+  for (Row& row : rows) {
+    const auto v = static_cast<std::size_t>(row.node);
+    row.data.setZero(15, row.width() + G + 1);
+    row.data.middleCols(row.width(), G) = system.coupling_[v];
+    row.data.col(row.width() + G) = system.gradient_[v];
+    row.diagonal = system.diagonal_[v];
+    row.diagonal.diagonal() *= 1.0 + lambda;
+    row.diagonal.diagonal().array() += kPivotFloor;
+  }
+  for (std::size_t i = 0; i < place.size(); ++i) {
+    for (const auto& [j, block] : system.off_diagonal_[i]) {
+      const auto [first, second] = std::minmax(place[i], place[static_cast<std::size_t>(j)]);
+      Row& row = rows[static_cast<std::size_t>(first)];
+      const auto k = std::lower_bound(row.columns.begin(), row.columns.end(), second) - row.columns.begin();
+      auto target = row.data.middleCols<15>(15 * k);
+      if (first == place[i]) {
+        target = block;
+      } else {
+        target = block.transpose();
+      }
+    }
+  }
+  H_global = system.H_global;
+  b_global = system.b_global;
+  H_global.diagonal() *= 1.0 + lambda;
+}
+
+void ChainSystem::Elimination::update(std::size_t p) {
+  const Row& row = rows[p];
+  const auto m = static_cast<Eigen::Index>(row.columns.size());
+  for (Eigen::Index a = 0; a < m; ++a) {
+    Row& target = rows[static_cast<std::size_t>(row.columns[static_cast<std::size_t>(a)])];
+    const Eigen::Index wide = row.data.cols() - 15 * a, shared = wide - 15 * (m - a);
+    auto part = product.leftCols(wide);
+    part.noalias() = row.data.middleCols<15>(15 * a).transpose() * row.data.rightCols(wide);
+    target.diagonal -= part.leftCols<15>();
+    std::size_t k = 0;
+    for (Eigen::Index c = a + 1; c < m; ++c) {
+      while (target.columns[k] != row.columns[static_cast<std::size_t>(c)]) ++k;
+      target.data.middleCols<15>(15 * static_cast<Eigen::Index>(k)) -= part.middleCols<15>(15 * (c - a));
+    }
+    target.data.rightCols(shared) -= part.rightCols(shared);
+  }
+}
 
 ChainSystem::ChainSystem(int nodes, int globals)
     : H_global(Eigen::MatrixXd::Zero(globals, globals)),
@@ -46,14 +140,15 @@ Matrix15d& ChainSystem::offDiagonal(int i, int j) {
 }
 
 void ChainSystem::add(const ChainSystem& other) {
+  const Eigen::Index G = other.b_global.size();
   for (std::size_t i = 0; i < diagonal_.size(); ++i) {
     diagonal_[i] += other.diagonal_[i];
-    coupling_[i] += other.coupling_[i];
+    coupling_[i].leftCols(G) += other.coupling_[i];
     gradient_[i] += other.gradient_[i];
     for (const auto& [j, block] : other.off_diagonal_[i]) offDiagonal(static_cast<int>(i), j) += block;
   }
-  H_global += other.H_global;
-  b_global += other.b_global;
+  H_global.topLeftCorner(G, G) += other.H_global;
+  b_global.head(G) += other.b_global;
   cost += other.cost;
 }
 
@@ -79,65 +174,31 @@ std::vector<int> ChainSystem::eliminationOrder() const {
 bool ChainSystem::eliminate(const std::vector<int>& order, double lambda, Elimination* out) const {
   Elimination& e = *out;
   const Eigen::Index G = b_global.size();
-  e.diagonal = diagonal_;
-  e.coupling = coupling_;
-  e.gradient = gradient_;
-  e.H_global = H_global;
-  e.b_global = b_global;
-  e.rows.assign(diagonal_.size(), {});
-  for (std::size_t i = 0; i < diagonal_.size(); ++i) {
-    e.diagonal[i].diagonal() *= 1.0 + lambda;
-    e.diagonal[i].diagonal().array() += kPivotFloor;
-    for (const auto& [j, block] : off_diagonal_[i]) {
-      e.rows[i][j] = block;
-      e.rows[static_cast<std::size_t>(j)][static_cast<int>(i)] = block.transpose();
-    }
-  }
-  e.H_global.diagonal() *= 1.0 + lambda;
+  e.findColumns(*this, order);
+  e.fill(*this, lambda);
+  Eigen::Index widest = 0;
+  for (const Elimination::Row& row : e.rows) widest = std::max(widest, row.data.cols());
+  e.product.resize(15, widest);
 
-  Eigen::MatrixXd stacked(15 * kNodesPerUpdate, G);
-  Eigen::VectorXd stacked_b(15 * kNodesPerUpdate);
+  Eigen::MatrixXd stacked(15 * kNodesPerUpdate, G + 1);
   Eigen::Index filled = 0;
   const auto applyStacked = [&] {
     if (filled == 0) return;
-    const auto Y = stacked.topRows(filled);
+    const auto Y = stacked.topLeftCorner(filled, G);
     e.H_global.selfadjointView<Eigen::Lower>().rankUpdate(Y.transpose(), -1.0);
-    e.b_global.noalias() -= Y.transpose() * stacked_b.head(filled);
+    e.b_global.noalias() -= Y.transpose() * stacked.col(G).head(filled);
     filled = 0;
   };
 
-  e.pivots.reserve(order.size());
-  for (const int v : order) {
-    const auto iv = static_cast<std::size_t>(v);
-    Elimination::Pivot pivot{v, Eigen::LLT<Matrix15d>(e.diagonal[iv]), {}, std::move(e.coupling[iv]), e.gradient[iv]};
-    if (pivot.llt.info() != Eigen::Success) return false;
-    pivot.llt.matrixL().solveInPlace(pivot.globals);
-    pivot.llt.matrixL().solveInPlace(pivot.b);
-    for (auto& [n, block] : e.rows[iv]) {
-      pivot.llt.matrixL().solveInPlace(block);
-      pivot.neighbours.emplace_back(n, block);
-      e.rows[static_cast<std::size_t>(n)].erase(v);
-    }
-    e.rows[iv].clear();
-    for (std::size_t a = 0; a < pivot.neighbours.size(); ++a) {
-      const auto& [n, Y_n] = pivot.neighbours[a];
-      const auto in = static_cast<std::size_t>(n);
-      e.diagonal[in].noalias() -= Y_n.transpose() * Y_n;
-      e.coupling[in].noalias() -= Y_n.transpose() * pivot.globals;
-      e.gradient[in].noalias() -= Y_n.transpose() * pivot.b;
-      for (std::size_t c = a + 1; c < pivot.neighbours.size(); ++c) {
-        const auto& [m, Y_m] = pivot.neighbours[c];
-        const auto im = static_cast<std::size_t>(m);
-        const Matrix15d update = Y_n.transpose() * Y_m;
-        e.rows[in].try_emplace(m, Matrix15d::Zero()).first->second -= update;
-        e.rows[im].try_emplace(n, Matrix15d::Zero()).first->second -= update.transpose();
-      }
-    }
-    stacked.middleRows(filled, 15) = pivot.globals;
-    stacked_b.segment<15>(filled) = pivot.b;
+  for (std::size_t p = 0; p < e.count; ++p) {
+    Elimination::Row& row = e.rows[p];
+    row.llt.compute(row.diagonal);
+    if (row.llt.info() != Eigen::Success) return false;
+    row.llt.matrixL().solveInPlace(row.data);
+    e.update(p);
+    stacked.middleRows(filled, 15) = row.data.rightCols(G + 1);
     filled += 15;
     if (filled == stacked.rows()) applyStacked();
-    e.pivots.push_back(std::move(pivot));
   }
   applyStacked();
   e.H_global.triangularView<Eigen::StrictlyUpper>() = e.H_global.transpose();
@@ -149,13 +210,19 @@ bool ChainSystem::solve(double lambda, Step* step) const {
   if (!eliminate(eliminationOrder(), lambda, &e)) return false;
   const Eigen::LLT<Eigen::MatrixXd> llt(e.H_global);
   if (llt.info() != Eigen::Success) return false;
+  const Eigen::Index G = b_global.size();
   step->globals = -llt.solve(e.b_global);
   step->nodes.assign(diagonal_.size(), Vector15d::Zero());
-  for (auto pivot = e.pivots.rbegin(); pivot != e.pivots.rend(); ++pivot) {
-    Vector15d rhs = -pivot->b - pivot->globals * step->globals;
-    for (const auto& [n, Y_n] : pivot->neighbours) rhs.noalias() -= Y_n * step->nodes[static_cast<std::size_t>(n)];
-    pivot->llt.matrixU().solveInPlace(rhs);
-    step->nodes[static_cast<std::size_t>(pivot->node)] = rhs;
+  for (auto row = e.rows.rbegin(); row != e.rows.rend(); ++row) {
+    Vector15d rhs = -row->data.col(row->width() + G);
+    rhs.noalias() -= row->data.middleCols(row->width(), G) * step->globals;
+    for (std::size_t k = 0; k < row->columns.size(); ++k) {
+      const int node = e.rows[static_cast<std::size_t>(row->columns[k])].node;
+      rhs.noalias() -=
+          row->data.middleCols<15>(15 * static_cast<Eigen::Index>(k)) * step->nodes[static_cast<std::size_t>(node)];
+    }
+    row->llt.matrixU().solveInPlace(rhs);
+    step->nodes[static_cast<std::size_t>(row->node)] = rhs;
   }
   // For a Gauss-Newton step d = -H^-1 b the model falls by b.H^-1.b / 2 = -b.d / 2.
   double b_dot_d = b_global.dot(step->globals);
@@ -179,28 +246,36 @@ bool ChainSystem::marginalizeFront(int count, Marginal* marginal) const {
   if (!eliminate(order, 0.0, &e)) return false;
 
   // Only nodes that the eliminated ones touched are part of the prior; all other blocks are untouched copies.
-  marginal->kept.clear();
-  std::vector<bool> touched(diagonal_.size(), false);
-  for (const auto& pivot : e.pivots) {
-    for (const auto& neighbour : pivot.neighbours) touched[static_cast<std::size_t>(neighbour.first)] = true;
+  const auto nodes_there = static_cast<std::size_t>(nodes());
+  std::vector<Eigen::Index> index(nodes_there, -1);  // in the prior, by place
+  for (std::size_t p = 0; p < e.count; ++p) {
+    for (const int column : e.rows[p].columns) index[static_cast<std::size_t>(column)] = 0;
   }
-  for (int i = count; i < nodes(); ++i) {
-    if (touched[static_cast<std::size_t>(i)]) marginal->kept.push_back(i);
+  marginal->kept.clear();
+  for (std::size_t p = e.count; p < nodes_there; ++p) {
+    if (index[p] < 0) continue;
+    index[p] = static_cast<Eigen::Index>(marginal->kept.size());
+    marginal->kept.push_back(e.rows[p].node);
   }
   const auto K = static_cast<Eigen::Index>(marginal->kept.size());
   const Eigen::Index G = b_global.size();
   marginal->H = Eigen::MatrixXd::Zero(15 * K + G, 15 * K + G);
   marginal->b = Eigen::VectorXd::Zero(15 * K + G);
-  for (Eigen::Index a = 0; a < K; ++a) {
-    const auto ia = static_cast<std::size_t>(marginal->kept[static_cast<std::size_t>(a)]);
-    marginal->H.block<15, 15>(15 * a, 15 * a) = e.diagonal[ia];
-    marginal->H.block(15 * a, 15 * K, 15, G) = e.coupling[ia];
-    marginal->H.block(15 * K, 15 * a, G, 15) = e.coupling[ia].transpose();
-    marginal->b.segment<15>(15 * a) = e.gradient[ia];
-    for (Eigen::Index c = 0; c < K; ++c) {
-      const auto entry = e.rows[ia].find(marginal->kept[static_cast<std::size_t>(c)]);
-      if (entry != e.rows[ia].end()) marginal->H.block<15, 15>(15 * a, 15 * c) = entry->second;
+  for (std::size_t p = e.count; p < nodes_there; ++p) {
+    const Elimination::Row& row = e.rows[p];
+    if (index[p] < 0) continue;
+    const Eigen::Index at = 15 * index[p];
+    marginal->H.block<15, 15>(at, at) = row.diagonal;
+    for (std::size_t k = 0; k < row.columns.size(); ++k) {
+      const Eigen::Index other = index[static_cast<std::size_t>(row.columns[k])];
+      if (other < 0) continue;
+      const auto block = row.data.middleCols<15>(15 * static_cast<Eigen::Index>(k));
+      marginal->H.block<15, 15>(at, 15 * other) = block;
+      marginal->H.block<15, 15>(15 * other, at) = block.transpose();
     }
+    marginal->H.block(at, 15 * K, 15, G) = row.data.middleCols(row.width(), G);
+    marginal->H.block(15 * K, at, G, 15) = row.data.middleCols(row.width(), G).transpose();
+    marginal->b.segment<15>(at) = row.data.col(row.width() + G);
   }
   marginal->H.bottomRightCorner(G, G) = e.H_global;
   marginal->b.tail(G) = e.b_global;

@@ -183,7 +183,7 @@ void InertialWindow::rebuildPlanes() {
 
 void InertialWindow::build(const WindowState& state, int end_node, ChainSystem* system) {
   const int nodes = static_cast<int>(state.nodes.size());
-  ChainSystem visual(camera_ ? nodes : 0, camera_ ? system->globals() : 0);
+  ChainSystem visual(camera_ ? nodes : 0, camera_ ? GlobalLayout::kFixed : 0);
   std::thread worker;
   if (camera_) worker = std::thread([&] { camera_->accumulate(state, chain_, end_node, &visual); });
   chain_.accumulate(state, 0, end_node < 0 ? nodes - 2 : end_node - 1, system);

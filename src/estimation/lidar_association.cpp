@@ -13,36 +13,48 @@ namespace {
 
 constexpr double kBoardSurround_m = 0.6;  // looked at beyond the plate's corners: what makes it free-standing
 
-struct BinnedPoint {
-  int bin;
-  int index;
+/// The points of a sweep by time, in bins of equal length.
+class TimeBins {
+ public:
+  TimeBins(const LidarScan& scan, double bin_s) : points_(scan.points), per_s_(1.0 / bin_s) {
+    int bins = 0;
+    bool in_order = true;
+    for (const LidarPoint& point : points_) {
+      const int own = binOf(point);
+      in_order = in_order && own + 1 >= bins;
+      bins = std::max(bins, own + 1);
+    }
+    if (!in_order) sort(bins);
+  }
+  std::size_t size() const { return points_.size(); }
+  /// Index in the sweep of the k-th point.
+  std::size_t index(std::size_t k) const { return sorted_.empty() ? k : sorted_[k]; }
+  int bin(std::size_t k) const { return binOf(points_[index(k)]); }
+
+ private:
+  int binOf(const LidarPoint& point) const {
+    constexpr double kMaxBins = 4096.0;  // 16 s: no sweep is longer, and what lies about its time costs no memory
+    const double bin = point.offset_s * per_s_;
+    return bin > 0.0 && bin < kMaxBins ? static_cast<int>(bin) : 0;
+  }
+  /// A counting sort: sweeps have few bins and come in any order.
+  void sort(int bins) {
+    std::vector<std::size_t> place(static_cast<std::size_t>(bins) + 1, 0);
+    for (const LidarPoint& point : points_) ++place[static_cast<std::size_t>(binOf(point)) + 1];
+    for (std::size_t bin = 1; bin < place.size(); ++bin) place[bin] += place[bin - 1];
+    sorted_.resize(points_.size());
+    for (std::size_t i = 0; i < points_.size(); ++i) {
+      sorted_[place[static_cast<std::size_t>(binOf(points_[i]))]++] = static_cast<std::uint32_t>(i);
+    }
+  }
+
+  const std::vector<LidarPoint>& points_;
+  double per_s_;
+  std::vector<std::uint32_t> sorted_;  // empty: they stand in order
 };
 
-/// The points of a sweep by time, in bins of equal length (a counting sort: sweeps have few bins and come in any
-/// order).
-std::vector<BinnedPoint> sortIntoBins(const LidarScan& scan, double bin_s) {
-  constexpr double kMaxBins = 4096.0;  // 16 s: no sweep is longer, and what lies about its time costs no memory
-  const double per_s = 1.0 / bin_s;
-  std::vector<BinnedPoint> binned(scan.points.size());
-  int bins = 0;
-  bool in_order = true;
-  for (std::size_t i = 0; i < scan.points.size(); ++i) {
-    const double bin = scan.points[i].offset_s * per_s;
-    binned[i] = {bin > 0.0 && bin < kMaxBins ? static_cast<int>(bin) : 0, static_cast<int>(i)};
-    in_order = in_order && binned[i].bin + 1 >= bins;
-    bins = std::max(bins, binned[i].bin + 1);
-  }
-  if (in_order) return binned;
-  std::vector<std::size_t> place(static_cast<std::size_t>(bins) + 1, 0);
-  for (const BinnedPoint& point : binned) ++place[static_cast<std::size_t>(point.bin) + 1];
-  for (std::size_t bin = 1; bin < place.size(); ++bin) place[bin] += place[bin - 1];
-  std::vector<BinnedPoint> sorted(binned.size());
-  for (const BinnedPoint& point : binned) sorted[place[static_cast<std::size_t>(point.bin)]++] = point;
-  return sorted;
-}
-
 /// Whether a point is one of about one in `stride`. Not every so-many-th: that would pick whole rings.
-bool isChosen(int index, std::uint32_t stride) {
+bool isChosen(std::size_t index, std::uint32_t stride) {
   return stride <= 1 || (static_cast<std::uint32_t>(index) * 2654435761U >> 8) % stride == 0;
 }
 
@@ -84,11 +96,12 @@ template <typename Visit>
 void LidarGroup::forEachBin(const WindowState& state, const InertialChain& chain, const Scan& whole,
                             Visit&& visit) const {
   const LidarScan& scan = *whole.raw;
-  const std::vector<BinnedPoint> binned = sortIntoBins(scan, params_.bin_s);
-  for (std::size_t begin = 0; begin < binned.size();) {
+  const TimeBins bins(scan, params_.bin_s);
+  for (std::size_t begin = 0; begin < bins.size();) {
+    const int bin = bins.bin(begin);
     std::size_t end = begin;
-    while (end < binned.size() && binned[end].bin == binned[begin].bin) ++end;
-    const double middle_s = (binned[begin].bin + 0.5) * params_.bin_s;
+    while (end < bins.size() && bins.bin(end) == bin) ++end;
+    const double middle_s = (bin + 0.5) * params_.bin_s;
     const TimeNs stamp = scan.stamp + toNs(middle_s);
     if (stamp < whole.from) {
       begin = end;
@@ -97,11 +110,14 @@ void LidarGroup::forEachBin(const WindowState& state, const InertialChain& chain
     const int node = lidarNode(state, stamp);
     const TimedSensorPose pose = lidarPose(state, chain, node, stamp);
     const Eigen::Vector3d v_L = pose.T_W_S.q.conjugate() * pose.v_W;
-    const auto point = [&](std::size_t k) {
-      const LidarPoint& raw = scan.points[static_cast<std::size_t>(binned[k].index)];
+    const auto point = [&](std::size_t index) {
+      const LidarPoint& raw = scan.points[index];
       return deskew(raw.p, raw.offset_s - middle_s, v_L, pose.w_S);
     };
-    visit(stamp, node, pose, point, &binned[begin], begin, end);
+    const auto forEach = [&](const auto& use) {
+      for (std::size_t k = begin; k < end; ++k) use(bins.index(k));
+    };
+    visit(stamp, node, pose, point, forEach);
     begin = end;
   }
 }
@@ -110,11 +126,11 @@ void LidarGroup::fillMap(const WindowState& state, const InertialChain& chain, i
                          PlaneMap* map) const {
   for (std::size_t s = static_cast<std::size_t>(first_scan); s < scans_.size(); ++s) {
     forEachBin(state, chain, scans_[s],
-               [&](TimeNs, int, const TimedSensorPose& pose, const auto& point, const BinnedPoint* binned,
-                   std::size_t begin, std::size_t end) {
-                 for (std::size_t k = begin; k < end; ++k) {
-                   if (isChosen(binned[k - begin].index, stride)) map->addPoint(pose.T_W_S * point(k));
-                 }
+               [&](TimeNs, int, const TimedSensorPose& pose, const auto& point, const auto& forEach) {
+                 const Eigen::Matrix3d R_W_L = pose.T_W_S.R();
+                 forEach([&](std::size_t index) {
+                   if (isChosen(index, stride)) map->addPoint(R_W_L * point(index) + pose.T_W_S.t);
+                 });
                });
   }
 }
@@ -153,17 +169,14 @@ void LidarGroup::findBoard(const WindowState& state, const InertialChain& chain,
   // Only the beams around the plate matter: a tenth of a sweep, or nothing of it.
   const double reach_m = 0.5 * plateSize(*params_.board).norm() + kBoardSurround_m + slack_m;
   std::vector<std::pair<int, Eigen::Vector3f>> around;
-  forEachBin(state, chain, scan,
-             [&](TimeNs, int, const TimedSensorPose& pose, const auto& point, const BinnedPoint* binned,
-                 std::size_t begin, std::size_t end) {
-               const Pose T_M_L = T_L_W * pose.T_W_S;
-               const ViewCone cone(T_M_L.inverse() * (T_L_B * plateCentre(*params_.board)), reach_m);
-               for (std::size_t k = begin; k < end; ++k) {
-                 const int index = binned[k - begin].index;
-                 if (!cone.holds(scan.raw->points[static_cast<std::size_t>(index)].p)) continue;
-                 around.emplace_back(index, Eigen::Vector3d(T_M_L * point(k)).cast<float>());
-               }
-             });
+  forEachBin(state, chain, scan, [&](TimeNs, int, const TimedSensorPose& pose, const auto& point, const auto& forEach) {
+    const Pose T_M_L = T_L_W * pose.T_W_S;
+    const ViewCone cone(T_M_L.inverse() * (T_L_B * plateCentre(*params_.board)), reach_m);
+    forEach([&](std::size_t index) {
+      if (!cone.holds(scan.raw->points[index].p)) return;
+      around.emplace_back(static_cast<int>(index), Eigen::Vector3d(T_M_L * point(index)).cast<float>());
+    });
+  });
   std::sort(around.begin(), around.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
   LidarScan part;
   part.stamp = scan.raw->stamp;
@@ -194,17 +207,15 @@ void LidarGroup::linkScan(const WindowState& state, const InertialChain& chain, 
   const double floor2 = params_.noise_floor_m * params_.noise_floor_m;
   const double range2 = range_sigma_m_ * range_sigma_m_;
   const std::uint32_t stride = strideFor(scan->raw->points.size(), points);
-  const auto addBin = [&](TimeNs stamp, int node, const TimedSensorPose& pose, const auto& point,
-                          const BinnedPoint* binned, std::size_t begin, std::size_t end) {
+  const auto addBin = [&](TimeNs stamp, int node, const TimedSensorPose& pose, const auto& point, const auto& forEach) {
     Bin bin;
     bin.stamp = stamp;
     bin.node = node;
     const Eigen::Matrix3d R_W_L = pose.T_W_S.R();
-    for (std::size_t k = begin; k < end; ++k) {
-      const auto index = static_cast<std::size_t>(binned[k - begin].index);
+    forEach([&](std::size_t index) {
       std::int16_t& label = scan->plane[index];
-      if (label == kNone && !isChosen(binned[k - begin].index, stride)) continue;
-      const Eigen::Vector3d p_L = point(k);
+      if (label == kNone && !isChosen(index, stride)) return;
+      const Eigen::Vector3d p_L = point(index);
       const Eigen::Vector3d arm_W = R_W_L * p_L;
       const Eigen::Vector3d p_W = arm_W + pose.T_W_S.t;
       const double per_range = 1.0 / p_L.norm();
@@ -212,7 +223,7 @@ void LidarGroup::linkScan(const WindowState& state, const InertialChain& chain, 
       const bool on_board = label == kOnBoard;
       scan->points_seen += !on_board;
       const int plane = on_board ? -1 : map.planeAt(p_W, ray_W);
-      if (!on_board && (plane < 0 || plane >= static_cast<int>(state.planes.size()))) continue;
+      if (!on_board && (plane < 0 || plane >= static_cast<int>(state.planes.size()))) return;
       const Plane& plane_W = on_board ? board_W : state.planes[static_cast<std::size_t>(plane)];
       const double cosine = plane_W.normal.dot(ray_W);
       const double variance = range2 * cosine * cosine + floor2;  // range noise acts along the ray only
@@ -220,7 +231,7 @@ void LidarGroup::linkScan(const WindowState& state, const InertialChain& chain, 
       const double gate = params_.gate_sigmas * std::sqrt(variance) + slack_m;
       if (std::abs(distance) > gate) {
         label = kNone;
-        continue;
+        return;
       }
       scan->addResidual(distance, cosine, floor2);
       PlanePoints* sums = &bin.board;
@@ -236,7 +247,7 @@ void LidarGroup::linkScan(const WindowState& state, const InertialChain& chain, 
         ++scan->points;
       }
       addPoint(p_L, per_range * p_L, range2, variance, sums);
-    }
+    });
     if (!bin.planes.empty() || bin.board_points > 0) scan->bins.push_back(std::move(bin));
   };
   forEachBin(state, chain, *scan, addBin);

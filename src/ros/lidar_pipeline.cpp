@@ -1,6 +1,7 @@
 #include "cocalib/ros/lidar_pipeline.h"
 
 #include <stdexcept>
+#include <utility>
 
 #include "cocalib/ros/conversions.h"
 
@@ -40,7 +41,7 @@ std::vector<LidarKeyframe> LidarPipeline::addCloud(const sensor_msgs::PointCloud
   notices_.count("clouds");
   if (!imu_.accepts(toTimeNs(msg.header.stamp), topic_, "clouds", &notices_)) return {};
   std::string problem;
-  const std::optional<LidarScan> scan = reader_.read(msg, &problem);
+  std::optional<LidarScan> scan = reader_.read(msg, &problem);
   if (!scan || scan->points.empty()) {
     notices_.count("clouds refused");
     last_problem_ = scan ? "no usable point" : problem;
@@ -49,7 +50,7 @@ std::vector<LidarKeyframe> LidarPipeline::addCloud(const sensor_msgs::PointCloud
   }
   if (!reader_.description().empty()) notices_.inform(topic_ + ": " + reader_.description());
   if (!reader_.warning().empty()) notices_.warn(topic_ + ": " + reader_.warning());
-  return calibrator_.addScan(*scan, look);
+  return calibrator_.addScan(std::move(*scan), look);
 }
 
 std::optional<std::string> LidarPipeline::inputProblem() const {

@@ -104,7 +104,9 @@ class CornerFit {
   }
 
   /// Adds up the normal equations at `p`; false where the window leaves the picture.
-  bool linearize(const Vector& p, bool free_blur);
+  bool linearize(const Vector& p, bool free_blur) {
+    return free_blur ? linearizeFirst<kParameters>(p) : linearizeFirst<kBlurX>(p);
+  }
   /// Solves them. @param free_blur as in linearize()
   Vector solve(bool free_blur) const {
     const int n = free_blur ? kParameters : kBlurX;
@@ -118,6 +120,9 @@ class CornerFit {
   double residualRms() const { return weight_ > 0.0 ? std::sqrt(cost_ / weight_) : 0.0; }
 
  private:
+  /// @tparam kFree  so many of the parameters, known when this is compiled: it is called for every pixel
+  template <int kFree>
+  bool linearizeFirst(const Vector& p);
   static double taper(double distance, double reach) {
     const double t = std::abs(distance) / reach;
     if (t <= 0.7) return 1.0;
@@ -134,7 +139,8 @@ class CornerFit {
   double cost_ = 0.0, weight_ = 0.0;
 };
 
-bool CornerFit::linearize(const Vector& p, bool free_blur) {
+template <int kFree>
+bool CornerFit::linearizeFirst(const Vector& p) {
   static const EdgeProfile profile;
   const int x0 = static_cast<int>(std::ceil(p[kX] - half_width_)), x1 = static_cast<int>(p[kX] + half_width_);
   const int y0 = static_cast<int>(std::ceil(p[kY] - half_height_)), y1 = static_cast<int>(p[kY] + half_height_);
@@ -145,7 +151,6 @@ bool CornerFit::linearize(const Vector& p, bool free_blur) {
   const double inv_blur_x = 1.0 / p[kBlurX], inv_blur_y = 1.0 / p[kBlurY];
   const double band_x = std::max(kBandSigmas, kMinBandPx * inv_blur_x);
   const double band_y = std::max(kBandSigmas, kMinBandPx * inv_blur_y);
-  const int n = free_blur ? kParameters : kBlurX;
   double J[kParameters];
   for (int y = y0; y <= y1; ++y) {
     const std::uint8_t* row = gray_.ptr<std::uint8_t>(y);
@@ -175,10 +180,10 @@ bool CornerFit::linearize(const Vector& p, bool free_blur) {
       const double weight = taper(a, reach_x_) * taper(b, reach_y_);
       cost_ += weight * r * r;
       weight_ += weight;
-      for (int i = 0; i < n; ++i) {
+      for (int i = 0; i < kFree; ++i) {
         const double wJ = weight * J[i];
         g_[i] += wJ * r;
-        for (int j = i; j < n; ++j) H_(i, j) += wJ * J[j];
+        for (int j = i; j < kFree; ++j) H_(i, j) += wJ * J[j];
       }
     }
   }

@@ -5,6 +5,7 @@
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 
 namespace cocalib {
@@ -25,15 +26,17 @@ bool inside(const cv::Mat& gray, const Eigen::Vector2d& center, double reach) {
          center.y() < gray.rows - 1 - reach;
 }
 
-float sample(const cv::Mat& gray, float x, float y) {
+float sample(const std::uint8_t* pixels, std::size_t row_step, float x, float y) {
   const int ix = static_cast<int>(x), iy = static_cast<int>(y);
   const float fx = x - static_cast<float>(ix), fy = y - static_cast<float>(iy);
-  const std::uint8_t* p = gray.ptr<std::uint8_t>(iy) + ix;
-  const std::uint8_t* q = gray.ptr<std::uint8_t>(iy + 1) + ix;
+  const std::uint8_t* p = pixels + static_cast<std::size_t>(iy) * row_step + ix;
+  const std::uint8_t* q = p + row_step;
   const float top = p[0] + fx * static_cast<float>(p[1] - p[0]);
   const float bottom = q[0] + fx * static_cast<float>(q[1] - q[0]);
   return top + fy * (bottom - top);
 }
+
+float sample(const cv::Mat& gray, float x, float y) { return sample(gray.data, gray.step, x, y); }
 
 bool isPlausible(const Eigen::Matrix2d& A) {
   const Eigen::Vector2d stretch = A.jacobiSvd().singularValues();
@@ -73,10 +76,16 @@ bool ReferencePatch::compare(const cv::Mat& gray, const PatchPlace& place,
   if (!inside(gray, place.center, kHalf * place.A.cwiseAbs().rowwise().sum().maxCoeff())) return false;
   const Eigen::Matrix2f A = place.A.cast<float>();
   const Eigen::Vector2f center = place.center.cast<float>();
-  for (int i = 0; i < kPixels; ++i) {
-    const auto dx = static_cast<float>(i % kSize - kHalf), dy = static_cast<float>(i / kSize - kHalf);
-    const float x = center.x() + A(0, 0) * dx + A(0, 1) * dy, y = center.y() + A(1, 0) * dx + A(1, 1) * dy;
-    (*difference)[i] = sample(gray, x, y) - gray_[i];
+  const std::uint8_t* pixels = gray.data;
+  const std::size_t row_step = gray.step;
+  for (int row = 0; row < kSize; ++row) {
+    const auto dy = static_cast<float>(row - kHalf);
+    const float row_x = center.x() + A(0, 1) * dy, row_y = center.y() + A(1, 1) * dy;
+    for (int column = 0; column < kSize; ++column) {
+      const auto dx = static_cast<float>(column - kHalf);
+      const int i = row * kSize + column;
+      (*difference)[i] = sample(pixels, row_step, row_x + A(0, 0) * dx, row_y + A(1, 0) * dx) - gray_[i];
+    }
   }
   return true;
 }

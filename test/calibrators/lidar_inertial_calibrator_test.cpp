@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstddef>
 #include <set>
 
 #include "cocalib/sim/imu.h"
@@ -127,7 +128,8 @@ TEST(LidarInertialCalibrator, ShowsEverySweepWithItsPlanesBeforeItSolves) {
       const auto cloud = calibrator->deskewedCloud();
       ASSERT_TRUE(cloud);
       const auto on_planes = std::count_if(cloud->plane.begin(), cloud->plane.end(), [](int p) { return p >= 0; });
-      EXPECT_GT(static_cast<double>(on_planes), 0.2 * static_cast<double>(cloud->plane.size())) << k;
+      // Every third point is looked at, of which half and more lie on planes.
+      EXPECT_GT(6 * on_planes, static_cast<std::ptrdiff_t>(cloud->plane.size())) << k;
       ++shown;
     });
   }

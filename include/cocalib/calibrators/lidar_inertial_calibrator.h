@@ -17,7 +17,8 @@ namespace cocalib {
 struct LidarInertialParams {
   double range_noise_m = 0.03;     ///< 1 sigma, 0.001..0.5
   double window_s = 5.0;           ///< length of the sliding window, 2..60
-  double solve_period_s = 1.0;     ///< data time between two solves, 0.1..10
+  double solve_period_s = 0.9;     ///< data time between two solves, 0.1..10; ten sweeps would make the fuser, which
+                                   ///< waits for both calibrators, miss its second now and then
   double initialization_s = 12.0;  ///< data kept while nothing is known, 3..60
   int max_points = 30000;          ///< points kept of a sweep, spread evenly, 500..200000
 
@@ -51,7 +52,7 @@ class LidarInertialCalibrator {
   /// VisualInertialCalibrator::addImage()).
   /// @param look  called after every sweep that joins the window, before a solve that may be due: whoever shows
   ///              deskewedCloud() need not wait for it
-  std::vector<LidarKeyframe> addScan(const LidarScan& scan, const std::function<void()>& look = nullptr);
+  std::vector<LidarKeyframe> addScan(LidarScan scan, const std::function<void()>& look = nullptr);
 
   /// Keyframes held back for want of a state, at the end of the data.
   std::vector<LidarKeyframe> flush();

@@ -35,7 +35,7 @@ class ChainSystem {
   Eigen::VectorXd b_global;
   double cost = 0.0;  ///< half the sum of squared whitened residuals (robust ones by their loss)
 
-  void add(const ChainSystem& other);
+  void add(const ChainSystem& other);  ///< of the same nodes and the first of the globals
 
   /// Step that lowers the cost.
   struct Step {
