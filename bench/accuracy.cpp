@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "live.h"
 #include "program.h"
 #include "statistics.h"
 #include "trial.h"
@@ -96,7 +97,9 @@ void run(const Arguments& a) {
   Report report(a);
   if (!a.results.empty()) {
     for (std::size_t i = 0; i + 1 < a.results.size(); i += 2) {
-      report.add(a.results[i], bench::loadTrial(a.results[i], a.results[i + 1]));
+      const bench::Trial trial = bench::loadTrial(a.results[i], a.results[i + 1]);
+      report.add(a.results[i], trial);
+      std::printf("  on the way: %s\n", bench::liveLine(a.results[i], trial.truth).c_str());
     }
   } else {
     bench::TrialOptions options;

@@ -1,5 +1,6 @@
-// Motion that leaves a part of the calibration open: is it flagged, is it never called converged, does the truth lie
-// within the stated sigma, and how well is the rest found? One table row for each case and sensor, over many seeds.
+// Motion, or a place, that leaves a part of the calibration open: is it flagged, is it never called converged, does the
+// truth lie within the stated sigma, and how well is the rest found? One table row for each case and sensor, over many
+// seeds.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -24,10 +25,12 @@ struct Case {
   sim::Motion motion;
   bench::TrialOptions options;  ///< camera, lidar, board, tracks
   Axes camera, lidar;           ///< what the motion leaves open, at least
+  sim::Place place = sim::Place::kRoom;
 };
 
 const std::vector<Case>& cases() {
   using sim::Motion;
+  using sim::Place;
   const bench::TrialOptions lidar{false, true, false, false}, board{true, false, true, true},
       tracks{true, false, false, true}, joint{true, true, true, true};
   static const std::vector<Case> all = {
@@ -47,6 +50,12 @@ const std::vector<Case>& cases() {
       {"rotation tracks", Motion::kRotationOnly, tracks, {0}, kNothing},  // the scale: along the lever arm, imu x
       {"static lidar", Motion::kStatic, lidar, kNothing, kAll},
       {"static joint", Motion::kStatic, joint, kAll, kAll},
+      // What a corridor or a wall hides of the way, the inertial data show: only the motion leaves anything open.
+      {"corridor lidar", Motion::kFull, lidar, kNothing, kNothing, Place::kCorridor},
+      {"corridor planar lidar", Motion::kPlanar, lidar, kNothing, kUp, Place::kCorridor},
+      {"corridor translation lidar", Motion::kTranslationOnly, lidar, kNothing, kLever, Place::kCorridor},
+      {"wall lidar", Motion::kFull, lidar, kNothing, kNothing, Place::kWall},
+      {"wall planar lidar", Motion::kPlanar, lidar, kNothing, kUp, Place::kWall},
   };
   return all;
 }
@@ -120,6 +129,8 @@ void runCase(const Case& c, const Arguments& a) {
   for (int seed = a.first_seed; seed < a.first_seed + a.seeds; ++seed) {
     sim::Scenario scenario;
     scenario.motion = c.motion;
+    scenario.place = c.place;
+    if (c.place != sim::Place::kRoom) scenario.board.present = false;
     scenario.seed = static_cast<std::uint64_t>(seed);
     scenario.duration_s = a.duration_s;
     scenario.camera.time_offset_s = 0.02;

@@ -169,9 +169,11 @@ Trial loadTrial(const std::string& result_dir, const std::string& truth_file) {
   Trial trial;
   trial.joint = loadResult(result_dir + "/calibration.yaml");
   const YAML::Node truth = loadYaml(truth_file);
-  trial.truth.T_imu_camera = poseOf(truth["camera"]["T_imu_camera"]);
+  if (const YAML::Node camera = truth["camera"]) {
+    trial.truth.T_imu_camera = poseOf(camera["T_imu_camera"]);
+    trial.truth.camera_time_offset_s = camera["time_offset"].as<double>();
+  }
   trial.truth.T_imu_lidar = poseOf(truth["lidar"]["T_imu_lidar"]);
-  trial.truth.camera_time_offset_s = truth["camera"]["time_offset"].as<double>();
   trial.truth.lidar_time_offset_s = truth["lidar"]["time_offset"].as<double>();
   return trial;
 }

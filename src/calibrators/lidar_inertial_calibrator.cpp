@@ -126,12 +126,14 @@ void LidarInertialCalibrator::Impl::restart(const std::string& reason) {
   poses.clear();
   odometry.reset();
   unreported.clear();
+  solved = 0;
   sayStartingOver(reason, &estimate, &diagnostics);
   why_anew = estimate.message;
 }
 
 void LidarInertialCalibrator::Impl::solve() {
   last_solve = window.state().nodes.back().stamp;
+  solved = unreported.size();
   if (failed.note(solveWindow(), &diagnostics)) return restart("the sweeps contradict the inertial data");
   publish();  // first: the covariance is that of the solve, which marginalizing forgets
   const TimeNs oldest = last_solve - toNs(params.window_s);
@@ -154,7 +156,7 @@ std::vector<LidarKeyframe> LidarInertialCalibrator::Impl::takeKeyframes() {
   std::vector<LidarKeyframe> keyframes;
   const WindowState& state = window.state();
   const TimeNs offset = toNs(state.calibration.lidar_time_offset_s);
-  while (!unreported.empty() && endOf(*unreported.front()) + offset <= last_solve) {
+  for (; solved > 0; --solved) {
     LidarKeyframe keyframe;
     keyframe.scan = *unreported.front();
     const int node = nodeAt(state.nodes, keyframe.scan.stamp + offset);
@@ -231,6 +233,7 @@ void LidarInertialCalibrator::reset() {
   m.poses.clear();
   m.waiting.clear();
   m.unreported.clear();
+  m.solved = 0;
   m.last_try = m.last_solve = 0;
   m.order.reset();
   m.failed.reset();

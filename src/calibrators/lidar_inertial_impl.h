@@ -68,6 +68,8 @@ struct LidarInertialCalibrator::Impl {
   TimeNs last_try = 0;
   // After it: sweeps that wait for inertial data, and those in the window not yet handed on.
   std::deque<std::shared_ptr<const LidarScan>> waiting, unreported;
+  /// Of the unreported ones, those of the last solve. Their stamps do not tell: the solve has moved the clock offset.
+  std::size_t solved = 0;
   StampOrder order;
   TimeNs last_solve = 0;
   FailedSolves failed;

@@ -126,6 +126,7 @@ void LidarInertialCalibrator::Impl::startWindow(const Alignment& alignment) {
   }
   started = true;
   last_solve = last;
+  solved = unreported.size();
   raw.clear();
   poses.clear();
   odometry.reset();
