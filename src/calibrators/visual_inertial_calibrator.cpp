@@ -202,6 +202,7 @@ void VisualInertialCalibrator::reset() {
   m.explored.clear();
   m.waiting.clear();
   m.unreported.clear();
+  m.solved = 0;
   m.last_solve = 0;
   m.failed.reset();
   m.why_anew.clear();

@@ -78,6 +78,8 @@ struct VisualInertialCalibrator::Impl {
   std::optional<TimeNs> last_try;
   std::deque<VisualKeyframe> waiting;  // and measurements that do
   std::deque<VisualKeyframe> unreported;
+  /// Of the unreported ones, those of the last solve. Their stamps do not tell: the solve has moved the clock offset.
+  std::size_t solved = 0;
   TimeNs last_solve = 0;
   FailedSolves failed;
   std::string why_anew;   ///< said until the mounting is found again

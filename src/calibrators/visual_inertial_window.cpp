@@ -80,6 +80,7 @@ void VisualInertialCalibrator::Impl::startWindow(const Alignment& alignment) {
   }
   started = true;
   last_solve = window.state().nodes.back().stamp;
+  solved = unreported.size();
   if (!isPossible(window.state())) return restart("the pictures contradict the inertial data");
   why_anew.clear();
   diagnostics.stage = "refining";
@@ -96,6 +97,7 @@ bool VisualInertialCalibrator::Impl::solveWindow() {
 
 void VisualInertialCalibrator::Impl::solve() {
   last_solve = window.state().nodes.back().stamp;
+  solved = unreported.size();
   if (failed.note(solveWindow(), &diagnostics)) return restart("the pictures contradict the inertial data");
   publish();  // first: the covariance is that of the solve, which marginalizing forgets
   const TimeNs oldest = last_solve - toNs(params.window_s);
@@ -109,6 +111,7 @@ void VisualInertialCalibrator::Impl::restart(const std::string& reason) {
   last_try.reset();
   explored.clear();
   unreported.clear();
+  solved = 0;
   sayStartingOver(reason, &estimate, &diagnostics);
   why_anew = estimate.message;
 }
@@ -137,7 +140,7 @@ std::vector<VisualKeyframe> VisualInertialCalibrator::Impl::takeKeyframes() {
   std::vector<VisualKeyframe> keyframes;
   const WindowState& state = window.state();
   const TimeNs offset = toNs(state.calibration.camera_time_offset_s);
-  while (!unreported.empty() && unreported.front().stamp + offset <= last_solve) {
+  for (; solved > 0; --solved) {
     VisualKeyframe keyframe = thinTracks(unreported.front(), params.track_rate_hz);
     const int node = nodeAt(state.nodes, keyframe.stamp + offset);
     keyframe.state = state.nodes[static_cast<std::size_t>(node)];

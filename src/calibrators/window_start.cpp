@@ -6,7 +6,7 @@
 namespace cocalib {
 
 void returnUnseenToPrior(Alignment* alignment) {
-  const Eigen::Matrix3Xd unseen = LeverExcitation().unseen(alignment->states).directions;
+  const Eigen::Matrix3Xd unseen = unturnedBy(alignment->states);
   const Eigen::Vector3d lever = alignment->T_imu_sensor.t;
   const Eigen::Vector3d shift = unseen * (unseen.transpose() * (alignment->lever_arm_guess - lever));
   alignment->T_imu_sensor.t += shift;

@@ -195,7 +195,7 @@ void InertialWindow::build(const WindowState& state, int end_node, ChainSystem* 
   }
   const bool lidar_board = lidar_ && lidar_->boardPoints() > 0;
   const LeverLinks links = {camera_.has_value(), lidar_.has_value(), board_known_, lidar_board};
-  const UnseenLevers unseen = excitation_.unseen(state_.nodes);
+  const UnseenLevers unseen = excitation_.unseen(state_.nodes, chain_);
   blind(unseen, links, state, system);
   if (end_node >= 0) return;
   addGlobalPriors(state, system);
@@ -275,7 +275,7 @@ bool InertialWindow::marginalizeBefore(TimeNs stamp) {
   build(state_, count, &system);
   ChainSystem::Marginal marginal;
   if (!system.marginalizeFront(count, &marginal)) return false;
-  excitation_.remember(state_.nodes, count);
+  excitation_.remember(state_.nodes, chain_, count);
   state_.nodes.erase(state_.nodes.begin(), state_.nodes.begin() + count);
   prior_.emplace(std::move(marginal), count, state_);
   chain_.dropFront(count);

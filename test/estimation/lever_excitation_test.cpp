@@ -2,36 +2,50 @@
 
 #include <gtest/gtest.h>
 
+#include "cocalib/sim/imu.h"
 #include "cocalib/sim/random.h"
 #include "cocalib/sim/trajectory.h"
 
 namespace cocalib {
 namespace {
 
-/// 5 s of states, as well as a window knows them.
-std::vector<NavState> statesOf(sim::Motion motion, double from_s = 3.0) {
-  sim::Scenario scenario;
-  scenario.motion = motion;
-  const sim::Trajectory trajectory(scenario);
-  sim::Random random(1, sim::Random::Stream::kTexture, 0);
-  std::vector<NavState> states;
-  for (double t = from_s; t < from_s + 5.0; t += 0.05) {
-    NavState state = trajectory.stateAt(trajectory.stampOf(t));
-    state.T_W_I.q = expSo3(2e-4 / std::sqrt(3.0) * random.normal3()) * state.T_W_I.q;
-    state.T_W_I.t += 1e-3 * random.normal3();
-    states.push_back(state);
+/// 5 s of states, as well as a window knows them, with the inertial segments between them.
+struct Stretch {
+  explicit Stretch(sim::Motion motion, double from_s = 3.0) {
+    sim::Scenario scenario;
+    scenario.motion = motion;
+    scenario.duration_s = from_s + 6.0;
+    const sim::Trajectory trajectory(scenario);
+    sim::Random random(1, sim::Random::Stream::kTexture, 0);
+    for (double t = from_s; t < from_s + 5.0; t += 0.05) {
+      NavState state = trajectory.stateAt(trajectory.stampOf(t));
+      state.T_W_I.q = expSo3(2e-4 / std::sqrt(3.0) * random.normal3()) * state.T_W_I.q;
+      state.T_W_I.t += jitter_m * random.normal3();
+      states.push_back(state);
+    }
+    ImuBuffer imu;
+    for (const ImuSample& sample : sim::simulateImu(scenario, trajectory)) imu.push(sample);
+    chain.update(states, imu);
   }
-  return states;
+  static constexpr double jitter_m = 1e-2;  // of a camera's window whose scale is open
+
+  std::vector<NavState> states;
+  InertialChain chain{ImuNoise{1.7e-4, 1e-6, 6e-4, 1e-5}};
+};
+
+UnseenLevers unseen(const LeverExcitation& before, sim::Motion motion) {
+  const Stretch stretch(motion);
+  return before.unseen(stretch.states, stretch.chain);
 }
 
 TEST(LeverExcitation, NamesWhatTheRigHasNotTurned) {
   const LeverExcitation nothing_yet;
-  EXPECT_EQ(nothing_yet.unseen(statesOf(sim::Motion::kFull)).directions.cols(), 0);
-  EXPECT_EQ(nothing_yet.unseen(statesOf(sim::Motion::kMild)).directions.cols(), 0);
-  EXPECT_EQ(nothing_yet.unseen(statesOf(sim::Motion::kRotationOnly)).directions.cols(), 0);
-  EXPECT_EQ(nothing_yet.unseen(statesOf(sim::Motion::kTranslationOnly)).directions.cols(), 3);
+  EXPECT_EQ(unseen(nothing_yet, sim::Motion::kFull).directions.cols(), 0);
+  EXPECT_EQ(unseen(nothing_yet, sim::Motion::kMild).directions.cols(), 0);
+  EXPECT_EQ(unseen(nothing_yet, sim::Motion::kRotationOnly).directions.cols(), 0);
+  EXPECT_EQ(unseen(nothing_yet, sim::Motion::kTranslationOnly).directions.cols(), 3);
   for (const sim::Motion motion : {sim::Motion::kPlanar, sim::Motion::kUpright}) {
-    const Eigen::Matrix3Xd open = nothing_yet.unseen(statesOf(motion)).directions;
+    const Eigen::Matrix3Xd open = unseen(nothing_yet, motion).directions;
     ASSERT_EQ(open.cols(), 1);
     EXPECT_GT(std::abs(open(2, 0)), 0.999);
   }
@@ -39,16 +53,23 @@ TEST(LeverExcitation, NamesWhatTheRigHasNotTurned) {
 
 TEST(LeverExcitation, SeesTheScaleOnceTheRigIsShifted) {
   const LeverExcitation nothing_yet;
-  EXPECT_TRUE(nothing_yet.unseen(statesOf(sim::Motion::kRotationOnly)).scale);
-  EXPECT_FALSE(nothing_yet.unseen(statesOf(sim::Motion::kPlanar)).scale);
+  EXPECT_TRUE(unseen(nothing_yet, sim::Motion::kRotationOnly).scale);
+  EXPECT_FALSE(unseen(nothing_yet, sim::Motion::kPlanar).scale);
+  EXPECT_FALSE(unseen(nothing_yet, sim::Motion::kFull).scale);
+  // However long the rig only turns, the jitter of its estimated positions is no shift.
+  LeverExcitation excitation;
+  const Stretch turning(sim::Motion::kRotationOnly);
+  for (int i = 0; i < 100; ++i) excitation.remember(turning.states, turning.chain, 20);
+  EXPECT_TRUE(unseen(excitation, sim::Motion::kRotationOnly).scale);
 }
 
 TEST(LeverExcitation, RemembersWhatHasLeftTheWindow) {
   LeverExcitation excitation;
-  for (int i = 0; i < 100; ++i) excitation.remember(statesOf(sim::Motion::kPlanar), 20);
-  EXPECT_EQ(excitation.unseen(statesOf(sim::Motion::kPlanar)).directions.cols(), 1);
-  excitation.remember(statesOf(sim::Motion::kMild), 20);
-  EXPECT_EQ(excitation.unseen(statesOf(sim::Motion::kPlanar)).directions.cols(), 0);
+  const Stretch planar(sim::Motion::kPlanar), mild(sim::Motion::kMild);
+  for (int i = 0; i < 100; ++i) excitation.remember(planar.states, planar.chain, 20);
+  EXPECT_EQ(unseen(excitation, sim::Motion::kPlanar).directions.cols(), 1);
+  excitation.remember(mild.states, mild.chain, 20);
+  EXPECT_EQ(unseen(excitation, sim::Motion::kPlanar).directions.cols(), 0);
 }
 
 /// A system whose every block is filled, over two nodes and two planes.
@@ -73,7 +94,7 @@ ChainSystem filledSystem(const WindowState& state) {
 
 TEST(LeverExcitation, ABlindSystemKnowsNothingAlongTheShift) {
   WindowState state;
-  state.nodes = statesOf(sim::Motion::kPlanar);
+  state.nodes = Stretch(sim::Motion::kPlanar).states;
   state.planes = {{Eigen::Vector3d::UnitZ(), 0.1}, {Eigen::Vector3d(1.0, 0.0, 1.0).normalized(), 0.5}};
   ChainSystem system = filledSystem(state);
   const UnseenLevers up = {Eigen::Vector3d::UnitZ(), false};

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Cholesky>
 #include <fstream>
 
 #include "cocalib/io/rig_file.h"
@@ -41,10 +42,23 @@ class RealCamera : public ::testing::Test {
   }
 };
 
-TEST_F(RealCamera, EitherHalfFindsTheCamera) {
+/// Squared difference of the camera's mounting and clock offset over the sum of both covariances.
+double disagreement(const CalibrationEstimate& a, const CalibrationEstimate& b) {
+  Eigen::Matrix<double, 7, 1> difference;
+  difference << a.calibration.T_imu_camera.minus(b.calibration.T_imu_camera),
+      a.calibration.camera_time_offset_s - b.calibration.camera_time_offset_s;
+  const Matrix14d sum = a.covariance + b.covariance;
+  Eigen::Matrix<double, 7, 7> covariance;
+  covariance << sum.block<6, 6>(0, 0), sum.block<6, 1>(0, 12), sum.block<1, 6>(12, 0), sum(12, 12);
+  return difference.dot(covariance.ldlt().solve(difference));
+}
+
+TEST_F(RealCamera, BothHalvesFindTheCameraAndAgree) {
   // The IMU begins two seconds before the pictures.
-  expectNearReference(calibrate(0.0, 9.0));
-  expectNearReference(calibrate(9.0, {}));
+  const CalibrationEstimate first = calibrate(0.0, 9.0), second = calibrate(9.0, {});
+  expectNearReference(first);
+  expectNearReference(second);
+  EXPECT_LT(disagreement(first, second), 14.07);  // 95 % of chi-square with 7 degrees
 }
 
 TEST_F(RealCamera, AWrongGuessDoesNoHarm) {

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "cocalib/estimation/inertial_chain.h"
 #include "cocalib/estimation/window_state.h"
 
 namespace cocalib {
@@ -18,19 +19,24 @@ struct UnseenLevers {
 /// A sensor's path p + R t contains its lever arm t only as far as R t changes: along u nothing shows while R u stands
 /// still. But the estimated R u never stands quite still, and least squares take its noise for motion: information
 /// about u that is not there grows without end, and so does the error. So the directions along which the rig has not
-/// turned are found from the orientations themselves, and a system is made blind to them.
+/// turned are found from the orientations themselves, and a system is made blind to them. Whether the IMU has been
+/// shifted is told by its accelerometer: estimated positions jitter with the very scale that is in question.
 class LeverExcitation {
  public:
   /// Remembers what `nodes` show before the first `dropped` of them leave the window.
-  void remember(const std::vector<NavState>& nodes, int dropped);
+  /// @param chain  the inertial segments between them
+  void remember(const std::vector<NavState>& nodes, const InertialChain& chain, int dropped);
 
   /// What neither the past nor `nodes` show.
-  UnseenLevers unseen(const std::vector<NavState>& nodes) const;
+  UnseenLevers unseen(const std::vector<NavState>& nodes, const InertialChain& chain) const;
 
  private:
   Eigen::Matrix3d past_turning_ = Eigen::Matrix3d::Zero();  ///< credited scatter of R u times its duration [rad^2 s]
   double past_shifting_ = 0.0;                              ///< of the position [m^2 s]
 };
+
+/// Directions, in the IMU frame, along which `nodes` have not turned the rig; orthonormal columns.
+Eigen::Matrix3Xd unturnedBy(const std::vector<NavState>& nodes);
 
 /// How the lever arms of a window hang together.
 struct LeverLinks {
