@@ -7,7 +7,7 @@
 #include <boost/make_shared.hpp>
 
 #include "cocalib/estimation/observability.h"
-#include "cocalib/ros/board_views.h"
+#include "cocalib/ros/board_view_markers.h"
 #include "cocalib/ros/conversions.h"
 #include "cocalib/ros/marker_messages.h"
 
