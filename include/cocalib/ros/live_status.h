@@ -50,7 +50,9 @@ class LiveStatus {
 
  private:
   static TimeNs now();
+  bool awaitsSensor() const;
 
+  const RigConfig rig_;
   mutable std::mutex mutex_;  // guards what follows
   InputInspection inspection_;
   ProgressForecast forecast_;
