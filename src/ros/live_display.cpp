@@ -186,7 +186,7 @@ void LiveDisplay::publishConvergence() {
     log = log_;
     stamp = estimate_.stamp;
   }
-  convergence_publisher_.publish(toImageMsg(log.draw(), stamp, frames_.imu));
+  convergence_publisher_.publish(toImageMsg(log.draw({800, 600}), stamp, frames_.imu));
 }
 
 void LiveDisplay::publishBoardViews() {

@@ -90,6 +90,13 @@ std::string LiveStatus::words() const {
   return progressWords(estimate_, stage_, kThresholds, forecast_.secondsLeft(), motion);
 }
 
+std::string LiveStatus::headline() const {
+  const std::optional<MotionHint> motion = hint();
+  const std::lock_guard<std::mutex> lock(mutex_);
+  const std::string step = nextStep(estimate_, stage_, motion);
+  return step.empty() ? stage_ : stage_ + ": " + step;
+}
+
 std::optional<MotionHint> LiveStatus::hint() const {
   const std::lock_guard<std::mutex> lock(mutex_);
   if (inspection_.motion().duration_s() <= 0.0) return std::nullopt;

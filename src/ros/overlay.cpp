@@ -9,7 +9,6 @@ namespace cocalib {
 namespace {
 
 constexpr double kNearM = 1.0, kFarM = 10.0;  // ends of the colour scale, logarithmic
-constexpr int kLegendHeight = 26;             // px, above the picture
 
 cv::Scalar rangeColour(double range_m) {
   static const cv::Mat table = [] {
@@ -60,19 +59,24 @@ bool isOnPlate(const Eigen::Vector3d& p_B, const BoardGeometry& board) {
          p_B.y() > corners[0].y() && p_B.y() < corners[2].y();
 }
 
+/// Grows with the picture, so that it can be read where the picture is shown small.
 cv::Mat drawLegend(int width, const std::string& caption) {
-  constexpr int kBarWidth = 160;
-  cv::Mat legend(kLegendHeight, width, CV_8UC3, cv::Scalar::all(30));
-  cv::putText(legend, caption, {8, 18}, cv::FONT_HERSHEY_SIMPLEX, 0.5, cv::Scalar::all(235), 1, cv::LINE_AA);
-  const int left = width - kBarWidth - 60;
+  const double scale = std::max(0.5, width / 1000.0);
+  const int height = static_cast<int>(52 * scale), baseline = static_cast<int>(36 * scale);
+  const int bar_width = static_cast<int>(240 * scale), bar_height = static_cast<int>(20 * scale);
+  cv::Mat legend(height, width, CV_8UC3, cv::Scalar::all(30));
+  const auto write = [&](const std::string& text, int x) {
+    cv::putText(legend, text, {x, baseline}, cv::FONT_HERSHEY_SIMPLEX, scale, cv::Scalar::all(235), 1, cv::LINE_AA);
+  };
+  write(caption, 8);
+  const int left = width - bar_width - static_cast<int>(95 * scale);
   if (left < 200) return legend;
-  for (int i = 0; i < kBarWidth; ++i) {
-    const double range_m = kNearM * std::pow(kFarM / kNearM, static_cast<double>(i) / kBarWidth);
-    cv::line(legend, {left + i, 8}, {left + i, 18}, rangeColour(range_m));
+  for (int i = 0; i < bar_width; ++i) {
+    const double range_m = kNearM * std::pow(kFarM / kNearM, static_cast<double>(i) / bar_width);
+    cv::line(legend, {left + i, baseline - bar_height}, {left + i, baseline}, rangeColour(range_m));
   }
-  cv::putText(legend, "1 m", {left - 32, 18}, cv::FONT_HERSHEY_SIMPLEX, 0.42, cv::Scalar::all(235), 1, cv::LINE_AA);
-  cv::putText(legend, "10 m", {left + kBarWidth + 5, 18}, cv::FONT_HERSHEY_SIMPLEX, 0.42, cv::Scalar::all(235), 1,
-              cv::LINE_AA);
+  write("1 m", left - static_cast<int>(65 * scale));
+  write("10 m", left + bar_width + static_cast<int>(8 * scale));
   return legend;
 }
 

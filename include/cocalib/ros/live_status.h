@@ -43,6 +43,8 @@ class LiveStatus {
   bool logFindings();
   /// The state in one line.
   std::string words() const;
+  /// Only what it is and what to do, for the picture.
+  std::string headline() const;
   std::optional<MotionHint> hint() const;
   std::vector<std::string> findings() const;
   /// What the report says of the input.
