@@ -131,7 +131,7 @@ visualization_msgs::MarkerArray toMarkers(const CalibrationEstimate& estimate, c
   addAxes("imu", frames.imu, Pose(), Eigen::Vector3d::UnitY(), &all);
   const Calibration& calibration = estimate.calibration;
   if (estimate.camera.valid && estimate.covariance.allFinite()) {
-    addAxes("camera", frames.imu, calibration.T_imu_camera, Eigen::Vector3d::UnitZ(), &all);
+    addAxes("camera", frames.imu, calibration.T_imu_camera, Eigen::Vector3d::UnitY(), &all);
     addEllipsoid("camera", frames.imu, calibration.T_imu_camera.t, estimate.covariance.block<3, 3>(0, 0), &all);
   }
   if (estimate.lidar.valid && estimate.covariance.allFinite()) {
@@ -153,7 +153,7 @@ void addHint(const std::string& words, const std::optional<MotionHint>& hint, co
   }
   Marker text = makeMarker("status", Marker::TEXT_VIEW_FACING, frames.imu, {});
   text.pose.position.z = 0.7;
-  text.scale.z = 0.11;
+  text.scale.z = 0.08;
   text.color.r = text.color.g = text.color.b = 1.0F;
   text.text = words;
   for (std::size_t at = 0; (at = text.text.find(": ", at)) != std::string::npos; ++at) text.text.replace(at, 2, ":\n");
