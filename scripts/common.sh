@@ -3,6 +3,8 @@
 # Environment: COCALIB_BUILD_DIR (default build/), COCALIB_JOBS (compilers at once), COCALIB_SKIP_INSTALL=1.
 set -euo pipefail
 repo=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+# shellcheck source=scripts/progress.sh
+source "$repo/scripts/progress.sh"
 build_dir=${COCALIB_BUILD_DIR:-$repo/build}
 noetic_setup=/opt/ros/noetic/setup.bash
 # A pyenv or conda python3 in front of the system's one has no ROS modules and breaks message generation.
@@ -67,9 +69,9 @@ install_missing() {
   fi
   say "installing ${#missing[@]} packages and what they need (a few minutes; log: $log)"
   mkdir -p "$build_dir"
-  if ! { as_root apt-get -o DPkg::Lock::Timeout=600 -o Acquire::Retries=3 update &&
-         as_root apt-get -o DPkg::Lock::Timeout=600 -o Acquire::Retries=3 install -y --no-install-recommends "${missing[@]}"
-       } >"$log" 2>&1; then
+  local apt=(apt-get -o DPkg::Lock::Timeout=600 -o Acquire::Retries=3 -o APT::Status-Fd=1)
+  if ! { as_root "${apt[@]}" update && as_root "${apt[@]}" install -y --no-install-recommends "${missing[@]}"; } 2>&1 |
+      tee "$log" | { grep --line-buffered -E '^(dl|pm)status:' || true; } | show_progress; then
     tail -n 20 "$log" >&2
     die "installing packages failed; install them by hand and run again: ${missing[*]}"
   fi
@@ -107,7 +109,7 @@ compile_jobs() {
   echo "${COCALIB_JOBS:-$cores}"
 }
 
-# build TARGET...: configures and makes; shows finished targets and everything that is not progress (warnings, errors).
+# build TARGET...: configures and makes; shows how far it is and everything that is not progress (warnings, errors).
 build() {
   local launcher=() log="$build_dir/build.log" devel="${build_dir}_devel"
   mkdir -p "$build_dir" "$devel"
@@ -121,8 +123,10 @@ build() {
     die "configuring failed"
   fi
   say "building $* with $(compile_jobs) jobs (log: $log)"
-  if ! make -C "$build_dir" --no-print-directory -j"$(compile_jobs)" "$@" 2>&1 | tee "$log" |
-      { grep -Ev '^\[ *[0-9]+%\] (Building|Linking|Generating)|^Scanning|^Consolidate|Built target _|Built target.*_generate_messages' || true; }; then
-    die "building failed"
-  fi
+  : >"$log"
+  local target
+  for target in "$@"; do
+    make -C "$build_dir" --no-print-directory -j"$(compile_jobs)" "$target" 2>&1 | tee -a "$log" |
+      show_progress "building $target" || die "building failed"
+  done
 }

@@ -172,11 +172,11 @@ void CoCalibrationFuser::reset() {
   m.queues.clear();
   m.judge.reset();
   m.visual_alone = m.lidar_alone = m.estimate = CalibrationEstimate();
-  m.estimate.message = "waiting for the calibrators to find their sensors";
+  m.estimate.message = "looking for the mountings: move the rig, and turn it about all three axes";
   m.interrupted = false;
   m.first_stamp.reset();
   m.keyframes = m.board_views = 0;
-  m.diagnostics.stage = "waiting for the calibrators";
+  m.diagnostics.stage = "looking for the mountings";
   m.diagnostics.message = m.estimate.message;
 }
 

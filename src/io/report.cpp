@@ -28,7 +28,7 @@ tr + tr td { border-top: 1px solid #e4e4e4; } td, pre { font-variant-numeric: ta
 .error { color: #b3261e; font-weight: 600; } .warning { color: #8a5a00; font-weight: 600; } .note { color: #44617b; }
 .small td, .small th { font-size: 11px; padding: 2px 5px; } pre { background: #f6f6f6; padding: 10px; overflow-x: auto; }
 img { max-width: 100%; display: block; } figure { margin: 10px 0; } figcaption { color: #555; margin: 2px 0; }
-.pair { display: flex; flex-wrap: wrap; gap: 12px; } .pair figure { flex: 1 1 480px; } svg { background: #fff; }
+.pair { display: flex; flex-wrap: wrap; gap: 12px; } .pair figure { flex: 1 1 480px; } .pair figure.wide { flex: 1 1 100%; } svg { background: #fff; }
 )";
 
 std::string base64(const std::string& bytes) {
@@ -84,11 +84,15 @@ std::string formatText(const char* pattern, ...) {
 
 std::string reportPictures(const std::vector<ReportPicture>& pictures) {
   if (pictures.empty()) return "";
-  std::string text = "<h2>Pictures</h2>\n<div class=\"pair\">\n";
+  std::string text =
+      "<h2>Pictures</h2>\n<p>In pictures of the camera: lidar points, near ones red, far ones blue, and the outline of "
+      "the "
+      "board as estimated. Afterwards the points of a thing lie on it, also while the rig turns.</p>\n<div "
+      "class=\"pair\">\n";
   for (const ReportPicture& picture : pictures) {
-    text += "<figure><figcaption>" + escapeHtml(picture.title) + "</figcaption><img alt=\"" +
-            escapeHtml(picture.title) + "\" src=\"data:" + picture.media_type + ";base64," + base64(picture.bytes) +
-            "\"></figure>\n";
+    text += std::string(picture.wide ? "<figure class=\"wide\">" : "<figure>") + "<figcaption>" +
+            escapeHtml(picture.title) + "</figcaption><img alt=\"" + escapeHtml(picture.title) +
+            "\" src=\"data:" + picture.media_type + ";base64," + base64(picture.bytes) + "\"></figure>\n";
   }
   return text + "</div>\n";
 }
@@ -105,7 +109,7 @@ std::string formatReport(const RigConfig& rig, const CalibrationEstimate& estima
       std::string(kStyle) + "</style></head><body>\n<h1>Calibration report</h1>\n";
   text += reportSummary(rig, estimate) + reportFindings(contents.findings) + reportTransforms(rig, estimate);
   text += reportCorrelation(estimate) + reportPictures(contents.pictures) + reportResiduals(contents.residuals);
-  text += reportCoverage(contents.motion, contents.board);
+  text += reportCoverage(contents.motion, rig.target ? contents.board : BoardCoverage());
   text += "<h2>Rig file</h2>\n<p>" + escapeHtml(rig.file) + "</p>\n<pre>" + escapeHtml(rig.text) + "</pre>\n";
   return text + "<h2>Versions</h2>\n<pre>" + escapeHtml(describeVersions()) + "</pre>\n</body></html>\n";
 }

@@ -55,8 +55,8 @@ std::string bothRows(const std::string& a, const std::string& b, const Pose& T_a
 }
 
 std::string offsetLine(const char* sensor, double offset_s, const SensorVerdict& verdict) {
-  return formatText("<li>t_imu = t_%s + %.4f ms &plusmn; %.4f ms</li>\n", sensor, 1e3 * offset_s,
-                    1e3 * verdict.time_offset_sigma_s);
+  return formatText("<li>t_imu = t_%s %s %.4f ms &plusmn; %.4f ms</li>\n", sensor, offset_s < 0.0 ? "-" : "+",
+                    1e3 * std::abs(offset_s), 1e3 * verdict.time_offset_sigma_s);
 }
 
 }  // namespace
@@ -74,12 +74,12 @@ std::string reportSummary(const RigConfig& rig, const CalibrationEstimate& estim
   text += "<table>\n";
   if (rig.camera) {
     text += qualityRow("reprojection error, rms", formatText("%.3f px", quality.reprojection_rms_px));
-    text += qualityRow("views of the board", formatText("%d", quality.board_views));
+    if (rig.target) text += qualityRow("views of the board", formatText("%d", quality.board_views));
   }
   if (rig.lidar) {
     text +=
         qualityRow("distance of points to their planes, rms", formatText("%.1f mm", 1e3 * quality.lidar_plane_rms_m));
-    text += qualityRow("lidar points on the board", formatText("%d", quality.board_lidar_points));
+    if (rig.target) text += qualityRow("lidar points on the board", formatText("%d", quality.board_lidar_points));
   }
   const Eigen::Vector3d &g = estimate.gyro_bias, &a = estimate.accel_bias;
   text += qualityRow("gyroscope bias", formatText("%.5f, %.5f, %.5f rad/s", g.x(), g.y(), g.z()));

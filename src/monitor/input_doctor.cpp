@@ -11,6 +11,7 @@ namespace {
 constexpr double kFirstLookS = 2.5, kLookPeriodS = 1.0;
 constexpr double kSilenceS = 4.0;
 constexpr std::size_t kLeastMessages = 10;
+constexpr std::size_t kLeastForRate = 4;  // of a sensor that comes once a second ten would take ten seconds
 constexpr double kLeastImuHz = 50.0, kGoodImuHz = 100.0, kMostImuHz = 2000.0;
 constexpr double kLeastCameraHz = 5.0;
 constexpr double kLeastLidarHz = 3.0, kMostLidarHz = 40.0;
@@ -42,6 +43,13 @@ std::vector<Finding> InputDoctor::takeNew() {
   std::vector<Finding> fresh(findings_.begin() + static_cast<std::ptrdiff_t>(taken_), findings_.end());
   taken_ = findings_.size();
   return fresh;
+}
+
+bool InputDoctor::awaitsSensor() const {
+  const auto awaited = [](const std::string& topic, const StreamClock& clock) {
+    return !topic.empty() && clock.count() == 0;
+  };
+  return awaited(topics_.imu, imu_) || awaited(topics_.camera, camera_) || awaited(topics_.lidar, lidar_);
 }
 
 void InputDoctor::restart() {
@@ -96,8 +104,8 @@ void InputDoctor::examine() {
     examineRegularity("imu", topics_.imu, imu);
     for (Finding& finding : plausibility_.findings(topics_.imu)) report(std::move(finding));
   }
-  if (camera_.count() >= kLeastMessages) examineCamera(imu);
-  if (lidar_.count() >= kLeastMessages) examineLidar(imu);
+  if (camera_.count() >= kLeastForRate) examineCamera(imu);
+  if (lidar_.count() >= kLeastForRate) examineLidar(imu);
 }
 
 void InputDoctor::examineImuRate(const StreamClock::Summary& imu) {
@@ -155,7 +163,7 @@ void InputDoctor::examineCamera(const StreamClock::Summary& imu) {
     report({"camera rate", format("%s: %.1f pictures per second", topics_.camera.c_str(), camera.rate_hz()),
             "10 or more let features be followed; raise the rate or shorten the exposure"});
   }
-  examineRegularity("camera", topics_.camera, camera);
+  if (camera_.count() >= kLeastMessages) examineRegularity("camera", topics_.camera, camera);
   if (imu_.count() >= kLeastMessages) examineClock("camera", topics_.camera, camera.lag_s, imu.lag_s);
 }
 
@@ -170,7 +178,7 @@ void InputDoctor::examineLidar(const StreamClock::Summary& imu) {
     report({"lidar rate", format("%s: %.1f sweeps per second", topics_.lidar.c_str(), rate),
             "10 is usual; raise the rate of revolution, and do not accumulate sweeps"});
   }
-  examineRegularity("lidar", topics_.lidar, lidar);
+  if (lidar_.count() >= kLeastMessages) examineRegularity("lidar", topics_.lidar, lidar);
   if (imu_.count() >= kLeastMessages) examineClock("lidar", topics_.lidar, lidar.lag_s, imu.lag_s);
   if (rate > 0.0) examinePointTimes(lidar.period_s);
 }

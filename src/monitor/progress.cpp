@@ -145,6 +145,13 @@ std::optional<double> ProgressForecast::secondsLeft() const {
   return longest_s;
 }
 
+std::string nextStep(const CalibrationEstimate& estimate, const std::string& stage,
+                     const std::optional<MotionHint>& hint) {
+  if (hint) return hint->words;
+  if (stage != toString(estimate.status)) return "";
+  return estimate.status == Status::kConverged ? "save or freeze it, or end with Ctrl-C" : "keep moving like this";
+}
+
 std::string progressWords(const CalibrationEstimate& estimate, const std::string& stage,
                           const ObservabilityThresholds& thresholds, const std::optional<double>& seconds_left,
                           const std::optional<MotionHint>& hint) {
@@ -153,7 +160,7 @@ std::string progressWords(const CalibrationEstimate& estimate, const std::string
   std::string text = format("%.0f s, ", estimate.duration_s) + (waiting && repeats ? "" : stage);
   if (waiting) text += (repeats ? "" : ": ") + estimate.message;
   text += sensorWords("camera", estimate.camera, thresholds) + sensorWords("lidar", estimate.lidar, thresholds);
-  if (hint) text += " | " + hint->words;
+  if (const std::string step = nextStep(estimate, stage, hint); !step.empty()) text += " | " + step;
   if (seconds_left && *seconds_left > 0.0)
     text += format(" | about %.0f s more of such motion", std::ceil(*seconds_left));
   return text;

@@ -13,6 +13,15 @@ namespace cocalib {
 namespace {
 
 constexpr std::size_t kMostEntries = 2000;
+constexpr int kHeadingHeight = 24;  // px
+constexpr const char* kLegend =
+    "deviation from the newest value over the seconds of data; +- and band: 1 sigma; dashed: as wanted";
+
+/// As in the report; BGR.
+cv::Scalar colourOf(Status status) {
+  if (status == Status::kConverged) return {60, 125, 43};
+  return status == Status::kConverging ? cv::Scalar(0, 111, 176) : cv::Scalar(30, 38, 179);
+}
 
 struct Side {
   const Pose& pose;
@@ -105,11 +114,15 @@ cv::Mat ConvergenceLog::draw(const cv::Size& size) const {
   const bool camera = !entries_.empty() && isSeen(entries_.back().camera);
   const bool lidar = !entries_.empty() && isSeen(entries_.back().lidar);
   if (!camera && !lidar) {
-    drawCaption("no estimate yet", &image);
+    drawCaption("no estimate yet: turn the rig about all three axes, back and forth", &image);
     return image;
   }
+  const CalibrationEstimate& newest = entries_.back();
+  const bool asks = newest.status != Status::kConverged && !newest.message.empty();
+  cv::Mat strip = image.rowRange(0, kHeadingHeight);
+  drawHeading(toString(newest.status), colourOf(newest.status), asks ? newest.message : kLegend, &strip);
   const int columns = camera && lidar ? 2 : 1;
-  const int width = size.width / columns, height = size.height / 3;
+  const int width = size.width / columns, height = (size.height - kHeadingHeight) / 3;
   int column = 0;
   for (const bool is_camera : {true, false}) {
     if (!(is_camera ? camera : lidar)) continue;
@@ -119,7 +132,7 @@ cv::Mat ConvergenceLog::draw(const cv::Size& size) const {
                                                 {name + " rotation", "mrad", 1e3 * wanted.converged_rotation_rad},
                                                 {name + " clock offset", "ms", 1e3 * wanted.converged_time_offset_s}}};
     for (int row = 0; row < 3; ++row) {
-      cv::Mat panel = image(cv::Rect(column * width, row * height, width, height));
+      cv::Mat panel = image(cv::Rect(column * width, kHeadingHeight + row * height, width, height));
       drawChart(labels[static_cast<std::size_t>(row)], curvesOf(entries_, is_camera, static_cast<Quantity>(row)),
                 &panel);
     }

@@ -244,7 +244,7 @@ void FusionSession::publishEstimate() {
   newest.second.progress = status_.words();
   newest.second.findings = status_.findings();
   publisher_.publish(newest.first, newest.second);
-  display_.setHint(newest.second.stage, status_.hint());
+  display_.setHint(status_.headline(), status_.hint());
 }
 
 void FusionSession::tellStatus() {

@@ -13,7 +13,7 @@ constexpr double kBandOpacity = 0.18;
 constexpr int kFont = cv::FONT_HERSHEY_SIMPLEX;
 constexpr double kFontScale = 0.4;
 constexpr int kLeft = 58, kRight = 14, kTop = 40, kBottom = 24;  // px around a chart's area; two lines of text above it
-const cv::Scalar kInk(60, 60, 60), kGrid(225, 225, 225), kWantedInk(150, 60, 150);
+const cv::Scalar kInk(60, 60, 60), kGrid(225, 225, 225), kWantedInk(150, 60, 150), kReachedInk(40, 120, 30);
 const std::array<cv::Scalar, 3> kColours = {cv::Scalar(40, 40, 210), cv::Scalar(40, 140, 30), cv::Scalar(210, 90, 30)};
 
 /// Data to pixels of one panel.
@@ -67,23 +67,30 @@ void write(const std::string& text, const cv::Point& at, const cv::Scalar& colou
 }
 
 /// Names and newest sigmas of all curves in the second line above the area.
-void writeLegend(const ChartLabels& labels, const std::vector<Curve>& curves, const Axes& axes, cv::Mat* panel) {
+void writeLegend(const std::vector<Curve>& curves, const Axes& axes, cv::Mat* panel) {
   int x = axes.area.x;
   for (std::size_t i = 0; i < curves.size(); ++i) {
     if (curves[i].points.empty()) continue;
     const std::string name = curves[i].name.empty() ? "" : curves[i].name + " ";
-    const std::string text = name + "+-" + format(curves[i].points.back().sigma, 2) + " " + labels.unit;
+    const std::string text = name + "+-" + format(curves[i].points.back().sigma, 2);
     write(text, {x, axes.area.y - 7}, kColours[i % kColours.size()], panel);
     x += cv::getTextSize(text, kFont, kFontScale, 1, nullptr).width + 12;
   }
 }
 
-/// Dashed lines at the sigma that is wanted, as far as the range shows it.
-void drawWanted(const ChartLabels& labels, const Axes& axes, cv::Mat* panel) {
+bool isReached(double wanted_sigma, const std::vector<Curve>& curves) {
+  return std::all_of(curves.begin(), curves.end(), [wanted_sigma](const Curve& curve) {
+    return !curve.points.empty() && curve.points.back().sigma <= wanted_sigma;
+  });
+}
+
+/// The sigma that is wanted in words, and as dashed lines as far as the range shows it.
+void drawWanted(const ChartLabels& labels, const std::vector<Curve>& curves, const Axes& axes, cv::Mat* panel) {
   if (labels.wanted_sigma <= 0.0) return;
-  const std::string text = "wanted: +-" + format(labels.wanted_sigma, 3) + " " + labels.unit;
+  const bool reached = isReached(labels.wanted_sigma, curves);
+  const std::string text = "wanted +-" + format(labels.wanted_sigma, 3) + (reached ? ", reached" : "");
   const int width = cv::getTextSize(text, kFont, kFontScale, 1, nullptr).width;
-  write(text, {axes.area.x + axes.area.width - width, axes.area.y - 23}, kWantedInk, panel);
+  write(text, {axes.area.x + axes.area.width - width, axes.area.y - 23}, reached ? kReachedInk : kWantedInk, panel);
   if (labels.wanted_sigma > axes.y_max) return;
   constexpr int kDash = 6;
   for (const double y : {-labels.wanted_sigma, labels.wanted_sigma}) {
@@ -102,13 +109,12 @@ void drawFrame(const std::string& title, const Axes& axes, cv::Mat* panel) {
     const int width = cv::getTextSize(label, kFont, kFontScale, 1, nullptr).width;
     write(label, {axes.area.x - width - 4, left.y + 4}, kInk, panel);
   }
-  for (int i = 0; i <= 4; ++i) {
-    const double x = axes.x_max * i / 4.0;
-    const cv::Point top = axes.at(x, axes.y_max);
+  const double step = roundUp(axes.x_max / 6.0);
+  for (int i = 0; i * step <= axes.x_max; ++i) {
+    const cv::Point top = axes.at(i * step, axes.y_max);
     cv::line(*panel, top, {top.x, axes.area.y + axes.area.height}, kGrid);
-    char label[16];
-    std::snprintf(label, sizeof(label), "%.0f s", x);
-    write(label, {std::min(top.x, panel->cols - 34), axes.area.y + axes.area.height + 15}, kInk, panel);
+    write(format(i * step, 4) + " s", {std::min(top.x, panel->cols - 34), axes.area.y + axes.area.height + 15}, kInk,
+          panel);
   }
   cv::rectangle(*panel, axes.area, cv::Scalar::all(120));
   write(title, {axes.area.x, axes.area.y - 23}, cv::Scalar::all(0), panel);
@@ -148,14 +154,23 @@ void drawChart(const ChartLabels& labels, const std::vector<Curve>& curves, cv::
   }
   for (std::size_t i = 0; i < curves.size(); ++i) drawCurve(curves[i], axes, kColours[i % kColours.size()], &drawn);
   drawn(area).copyTo(inside(area));
-  drawWanted(labels, axes, panel);
-  writeLegend(labels, curves, axes, panel);
+  drawWanted(labels, curves, axes, panel);
+  writeLegend(curves, axes, panel);
 }
 
 void drawCaption(const std::string& text, cv::Mat* image) {
-  const cv::Size size = cv::getTextSize(text, kFont, 0.7, 1, nullptr);
-  cv::putText(*image, text, {(image->cols - size.width) / 2, (image->rows + size.height) / 2}, kFont, 0.7, kInk, 1,
+  constexpr double kScale = 0.6;
+  const cv::Size size = cv::getTextSize(text, kFont, kScale, 1, nullptr);
+  cv::putText(*image, text, {(image->cols - size.width) / 2, (image->rows + size.height) / 2}, kFont, kScale, kInk, 1,
               cv::LINE_AA);
+}
+
+void drawHeading(const std::string& word, const cv::Scalar& colour, const std::string& text, cv::Mat* strip) {
+  const int baseline = (strip->rows + 11) / 2;
+  const int width = cv::getTextSize(word, kFont, 0.5, 1, nullptr).width;
+  cv::rectangle(*strip, cv::Rect(8, baseline - 15, width + 12, 20), colour, cv::FILLED);
+  cv::putText(*strip, word, {14, baseline}, kFont, 0.5, cv::Scalar::all(255), 1, cv::LINE_AA);
+  cv::putText(*strip, text, {width + 28, baseline}, kFont, kFontScale, kInk, 1, cv::LINE_AA);
 }
 
 }  // namespace cocalib

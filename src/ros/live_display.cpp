@@ -7,7 +7,7 @@
 #include <boost/make_shared.hpp>
 
 #include "cocalib/estimation/observability.h"
-#include "cocalib/ros/board_views.h"
+#include "cocalib/ros/board_view_markers.h"
 #include "cocalib/ros/conversions.h"
 #include "cocalib/ros/marker_messages.h"
 
@@ -186,7 +186,7 @@ void LiveDisplay::publishConvergence() {
     log = log_;
     stamp = estimate_.stamp;
   }
-  convergence_publisher_.publish(toImageMsg(log.draw(), stamp, frames_.imu));
+  convergence_publisher_.publish(toImageMsg(log.draw({800, 600}), stamp, frames_.imu));
 }
 
 void LiveDisplay::publishBoardViews() {

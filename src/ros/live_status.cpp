@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "cocalib/ros/conversions.h"
+#include "cocalib/ros/topic_types.h"
 
 namespace cocalib {
 namespace {
@@ -14,7 +15,7 @@ const ObservabilityThresholds kThresholds;
 
 }  // namespace
 
-LiveStatus::LiveStatus(const RigConfig& rig) : inspection_(rig), forecast_(kThresholds) {}
+LiveStatus::LiveStatus(const RigConfig& rig) : rig_(rig), inspection_(rig), forecast_(kThresholds) {}
 
 TimeNs LiveStatus::now() { return toTimeNs(ros::Time::now()); }
 
@@ -61,9 +62,11 @@ void LiveStatus::restart() {
 
 bool LiveStatus::logFindings() {
   const TimeNs time = now();
-  std::vector<Finding> fresh;
+  std::vector<Finding> fresh, wrong_types;
+  if (awaitsSensor()) wrong_types = findWrongTypes(rig_);  // unlocked: the master may take its time
   {
     const std::lock_guard<std::mutex> lock(mutex_);
+    for (Finding& finding : wrong_types) inspection_.doctor().report(std::move(finding));
     if (time > 0) inspection_.doctor().tick(time);  // simulated time is 0 until it comes
     fresh = inspection_.doctor().takeNew();
   }
@@ -76,10 +79,22 @@ bool LiveStatus::logFindings() {
   return !fresh.empty();
 }
 
+bool LiveStatus::awaitsSensor() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return inspection_.doctor().awaitsSensor();
+}
+
 std::string LiveStatus::words() const {
   const std::optional<MotionHint> motion = hint();
   const std::lock_guard<std::mutex> lock(mutex_);
   return progressWords(estimate_, stage_, kThresholds, forecast_.secondsLeft(), motion);
+}
+
+std::string LiveStatus::headline() const {
+  const std::optional<MotionHint> motion = hint();
+  const std::lock_guard<std::mutex> lock(mutex_);
+  const std::string step = nextStep(estimate_, stage_, motion);
+  return step.empty() ? stage_ : stage_ + ": " + step;
 }
 
 std::optional<MotionHint> LiveStatus::hint() const {

@@ -28,8 +28,9 @@ Marker makeMarker(const std::string& space, int type, const std::string& frame, 
   return marker;
 }
 
+/// @param labelled_axis  at whose end the name stands: the sensors stand near each other, so each takes another one
 void addAxes(const std::string& name, const std::string& frame, const Pose& T_frame_sensor,
-             visualization_msgs::MarkerArray* all) {
+             const Eigen::Vector3d& labelled_axis, visualization_msgs::MarkerArray* all) {
   Marker axes = makeMarker(name + " axes", Marker::LINE_LIST, frame, T_frame_sensor);
   axes.scale.x = 0.012;
   for (int axis = 0; axis < 3; ++axis) {
@@ -41,6 +42,12 @@ void addAxes(const std::string& name, const std::string& frame, const Pose& T_fr
     axes.colors.insert(axes.colors.end(), 2, colour);
   }
   all->markers.push_back(axes);
+  Marker label = makeMarker(name + " label", Marker::TEXT_VIEW_FACING, frame, T_frame_sensor);
+  label.pose.position = toPointMsg(T_frame_sensor * (1.15 * kAxisLengthM * labelled_axis));
+  label.scale.z = 0.07;
+  label.color.r = label.color.g = label.color.b = 1.0F;
+  label.text = name;
+  all->markers.push_back(label);
 }
 
 void addEllipsoid(const std::string& name, const std::string& frame, const Eigen::Vector3d& centre,
@@ -121,14 +128,14 @@ std_msgs::ColorRGBA colourOf(int number) {
 visualization_msgs::MarkerArray toMarkers(const CalibrationEstimate& estimate, const std::optional<Pose>& T_W_B,
                                           const std::optional<BoardGeometry>& board, const FrameNames& frames) {
   visualization_msgs::MarkerArray all;
-  addAxes("imu", frames.imu, Pose(), &all);
+  addAxes("imu", frames.imu, Pose(), Eigen::Vector3d::UnitY(), &all);
   const Calibration& calibration = estimate.calibration;
   if (estimate.camera.valid && estimate.covariance.allFinite()) {
-    addAxes("camera", frames.imu, calibration.T_imu_camera, &all);
+    addAxes("camera", frames.imu, calibration.T_imu_camera, Eigen::Vector3d::UnitY(), &all);
     addEllipsoid("camera", frames.imu, calibration.T_imu_camera.t, estimate.covariance.block<3, 3>(0, 0), &all);
   }
   if (estimate.lidar.valid && estimate.covariance.allFinite()) {
-    addAxes("lidar", frames.imu, calibration.T_imu_lidar, &all);
+    addAxes("lidar", frames.imu, calibration.T_imu_lidar, Eigen::Vector3d::UnitZ(), &all);
     addEllipsoid("lidar", frames.imu, calibration.T_imu_lidar.t, estimate.covariance.block<3, 3>(6, 6), &all);
   }
   if (board && T_W_B && T_W_B->t.allFinite()) addBoard(*T_W_B, *board, frames.world, &all);
@@ -145,10 +152,10 @@ void addHint(const std::string& words, const std::optional<MotionHint>& hint, co
     all->markers.push_back(marker);
   }
   Marker text = makeMarker("status", Marker::TEXT_VIEW_FACING, frames.imu, {});
-  text.pose.position.z = 0.6;
-  text.scale.z = 0.1;
+  text.pose.position.z = 0.7;
+  text.scale.z = 0.08;
   text.color.r = text.color.g = text.color.b = 1.0F;
-  text.text = hint ? words + "\n" + hint->words : words;
+  text.text = words;
   for (std::size_t at = 0; (at = text.text.find(": ", at)) != std::string::npos; ++at) text.text.replace(at, 2, ":\n");
   if (text.text.empty()) text.action = Marker::DELETE;
   all->markers.push_back(text);

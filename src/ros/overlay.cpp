@@ -9,68 +9,6 @@ namespace cocalib {
 namespace {
 
 constexpr double kNearM = 1.0, kFarM = 10.0;  // ends of the colour scale, logarithmic
-constexpr int kLegendHeight = 26;             // px, above the picture
-
-/// Rotation of the IMU relative to one instant, by integrating the gyro to both sides of it.
-class GyroPath {
- public:
-  GyroPath(const std::vector<ImuSample>& imu, const Eigen::Vector3d& bias, TimeNs origin) : origin_(origin) {
-    Eigen::Quaterniond q = Eigen::Quaterniond::Identity();
-    for (std::size_t i = 0; i < imu.size(); ++i) {
-      if (i > 0) {
-        const double dt = toSeconds(imu[i].stamp - imu[i - 1].stamp);
-        q = q * expSo3((0.5 * (imu[i].gyro + imu[i - 1].gyro) - bias) * dt);
-      }
-      knots_.push_back({imu[i].stamp, q});
-    }
-    q_start_origin_ = fromStart(origin);
-  }
-
-  /// R_I(origin)_I(stamp)
-  Eigen::Quaterniond rotation(TimeNs stamp) const { return q_start_origin_.conjugate() * fromStart(stamp); }
-  TimeNs origin() const { return origin_; }
-
- private:
-  struct Knot {
-    TimeNs stamp;
-    Eigen::Quaterniond q_start_here;
-  };
-
-  Eigen::Quaterniond fromStart(TimeNs stamp) const {
-    if (knots_.empty()) return Eigen::Quaterniond::Identity();
-    const auto after = std::upper_bound(knots_.begin(), knots_.end(), stamp,
-                                        [](TimeNs time, const Knot& knot) { return time < knot.stamp; });
-    if (after == knots_.begin()) return knots_.front().q_start_here;
-    if (after == knots_.end()) return knots_.back().q_start_here;
-    const auto before = after - 1;
-    const double part = static_cast<double>(stamp - before->stamp) / static_cast<double>(after->stamp - before->stamp);
-    return before->q_start_here.slerp(part, after->q_start_here);
-  }
-
-  TimeNs origin_;
-  std::vector<Knot> knots_;
-  Eigen::Quaterniond q_start_origin_ = Eigen::Quaterniond::Identity();
-};
-
-/// How the IMU stood at times near the picture, seen from where it stood at the picture.
-class MotionAroundPicture {
- public:
-  MotionAroundPicture(const OverlayScene& scene, const Calibration& calibration)
-      : image_time_(scene.image.stamp + toNs(calibration.camera_time_offset_s)),
-        gyro_(scene.imu, scene.state ? scene.state->gyro_bias : Eigen::Vector3d::Zero(), image_time_) {
-    if (!scene.state) return;
-    // Velocity at the state, in the frame of the IMU at the picture.
-    const Eigen::Quaterniond q_image_state = gyro_.rotation(scene.state->stamp);
-    velocity_ = q_image_state * (scene.state->T_W_I.q.conjugate() * scene.state->v_W);
-  }
-
-  Pose T_image_at(TimeNs stamp) const { return {gyro_.rotation(stamp), velocity_ * toSeconds(stamp - image_time_)}; }
-
- private:
-  TimeNs image_time_;
-  GyroPath gyro_;
-  Eigen::Vector3d velocity_ = Eigen::Vector3d::Zero();
-};
 
 cv::Scalar rangeColour(double range_m) {
   static const cv::Mat table = [] {
@@ -114,14 +52,6 @@ void drawPlate(const Pose& T_C_B, const BoardGeometry& board, const CameraModel&
   }
 }
 
-/// The board in the camera frame at the time of the picture.
-std::optional<Pose> boardInCamera(const OverlayScene& scene, const OverlayCalibration& with) {
-  if (!with.T_W_B || !scene.state) return std::nullopt;
-  const MotionAroundPicture motion(scene, with.calibration);
-  const Pose T_state_B = scene.state->T_W_I.inverse() * *with.T_W_B;
-  return with.calibration.T_imu_camera.inverse() * motion.T_image_at(scene.state->stamp) * T_state_B;
-}
-
 bool isOnPlate(const Eigen::Vector3d& p_B, const BoardGeometry& board) {
   constexpr double kThicknessM = 0.1;  // of range noise
   const std::array<Eigen::Vector3d, 4> corners = plateCorners(board);
@@ -129,41 +59,33 @@ bool isOnPlate(const Eigen::Vector3d& p_B, const BoardGeometry& board) {
          p_B.y() > corners[0].y() && p_B.y() < corners[2].y();
 }
 
+/// Grows with the picture, so that it can be read where the picture is shown small.
 cv::Mat drawLegend(int width, const std::string& caption) {
-  constexpr int kBarWidth = 160;
-  cv::Mat legend(kLegendHeight, width, CV_8UC3, cv::Scalar::all(30));
-  cv::putText(legend, caption, {8, 18}, cv::FONT_HERSHEY_SIMPLEX, 0.5, cv::Scalar::all(235), 1, cv::LINE_AA);
-  const int left = width - kBarWidth - 60;
+  const double scale = std::max(0.5, width / 1000.0);
+  const int height = static_cast<int>(52 * scale), baseline = static_cast<int>(36 * scale);
+  const int bar_width = static_cast<int>(240 * scale), bar_height = static_cast<int>(20 * scale);
+  cv::Mat legend(height, width, CV_8UC3, cv::Scalar::all(30));
+  const auto write = [&](const std::string& text, int x) {
+    cv::putText(legend, text, {x, baseline}, cv::FONT_HERSHEY_SIMPLEX, scale, cv::Scalar::all(235), 1, cv::LINE_AA);
+  };
+  write(caption, 8);
+  const int left = width - bar_width - static_cast<int>(95 * scale);
   if (left < 200) return legend;
-  for (int i = 0; i < kBarWidth; ++i) {
-    const double range_m = kNearM * std::pow(kFarM / kNearM, static_cast<double>(i) / kBarWidth);
-    cv::line(legend, {left + i, 8}, {left + i, 18}, rangeColour(range_m));
+  for (int i = 0; i < bar_width; ++i) {
+    const double range_m = kNearM * std::pow(kFarM / kNearM, static_cast<double>(i) / bar_width);
+    cv::line(legend, {left + i, baseline - bar_height}, {left + i, baseline}, rangeColour(range_m));
   }
-  cv::putText(legend, "1 m", {left - 32, 18}, cv::FONT_HERSHEY_SIMPLEX, 0.42, cv::Scalar::all(235), 1, cv::LINE_AA);
-  cv::putText(legend, "10 m", {left + kBarWidth + 5, 18}, cv::FONT_HERSHEY_SIMPLEX, 0.42, cv::Scalar::all(235), 1,
-              cv::LINE_AA);
+  write("1 m", left - static_cast<int>(65 * scale));
+  write("10 m", left + bar_width + static_cast<int>(8 * scale));
   return legend;
 }
 
 }  // namespace
 
-std::vector<Eigen::Vector3d> pointsInCamera(const OverlayScene& scene, const Calibration& calibration) {
-  const MotionAroundPicture motion(scene, calibration);
-  const Pose T_C_I = calibration.T_imu_camera.inverse();
-  const TimeNs scan_time = scene.scan.stamp + toNs(calibration.lidar_time_offset_s);
-  std::vector<Eigen::Vector3d> points_C;
-  points_C.reserve(scene.scan.points.size());
-  for (const LidarPoint& point : scene.scan.points) {
-    const Eigen::Vector3d p_I = calibration.T_imu_lidar * point.p.cast<double>();
-    points_C.push_back(T_C_I * (motion.T_image_at(scan_time + toNs(point.offset_s)) * p_I));
-  }
-  return points_C;
-}
-
 OverlayCounts countOverlay(const OverlayScene& scene, const OverlayCalibration& with, const CameraModel& camera,
                            const std::optional<BoardGeometry>& board) {
   OverlayCounts counts;
-  const std::optional<Pose> T_C_B = boardInCamera(scene, with);
+  const std::optional<Pose> T_C_B = boardInCamera(scene, with.calibration, with.T_W_B);
   if (board && T_C_B) {
     const std::array<Eigen::Vector3d, 4> corners = plateCorners(*board);
     counts.whole_board = std::all_of(corners.begin(), corners.end(), [&](const Eigen::Vector3d& corner) {
@@ -190,7 +112,7 @@ cv::Mat drawOverlay(const OverlayScene& scene, const OverlayCalibration& with, c
     if (!px || !camera.inImage(*px)) continue;
     cv::circle(picture, toPixel(*px), radius, rangeColour(p_C.norm()), cv::FILLED, cv::LINE_AA);
   }
-  const std::optional<Pose> T_C_B = boardInCamera(scene, with);
+  const std::optional<Pose> T_C_B = boardInCamera(scene, with.calibration, with.T_W_B);
   if (board && T_C_B) drawPlate(*T_C_B, *board, camera, &picture);
   cv::Mat whole;
   cv::vconcat(drawLegend(picture.cols, with.caption), picture, whole);

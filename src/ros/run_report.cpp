@@ -23,7 +23,7 @@ std::string encode(const cv::Mat& picture, const char* extension) {
 }
 
 ReportPicture photo(const std::string& title, const cv::Mat& picture) {
-  return {title, "image/jpeg", encode(picture, ".jpg")};
+  return {title, "image/jpeg", encode(picture, ".jpg"), false};
 }
 
 cv::Mat drawFromAbove(const std::vector<Eigen::Vector3d>& points, const std::string& caption) {
@@ -73,7 +73,7 @@ void addScenes(const RigConfig& rig, const RunResult& result, std::vector<Report
   char title[120];
   std::snprintf(title, sizeof title, "A sweep from above while the rig turned at %.0f deg/s: raw, and deskewed",
                 turnRate(*fastest) * 180.0 / M_PI);
-  pictures->push_back({title, "image/png", encode(drawDeskew(*fastest, result.estimate.calibration), ".png")});
+  pictures->push_back({title, "image/png", encode(drawDeskew(*fastest, result.estimate.calibration), ".png"), true});
 }
 
 }  // namespace
@@ -96,7 +96,7 @@ std::string makeReport(const RigConfig& rig, const RunResult& result) {
   contents.residuals = result.residuals;
   contents.pictures.push_back(
       {"Every parameter over the seconds of data, as deviation from its last value, with 1 sigma", "image/png",
-       encode(result.log.draw(), ".png")});
+       encode(result.log.draw(), ".png"), true});
   if (!result.scenes.empty() && result.camera) addScenes(rig, result, &contents.pictures);
   return formatReport(rig, result.estimate, contents);
 }

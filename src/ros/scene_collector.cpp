@@ -7,6 +7,7 @@
 #include "cocalib/ros/conversions.h"
 #include "cocalib/ros/image_reader.h"
 #include "cocalib/ros/imu_reader.h"
+#include "cocalib/ros/overlay.h"
 #include "cocalib/ros/point_cloud_reader.h"
 
 namespace cocalib {

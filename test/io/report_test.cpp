@@ -16,6 +16,7 @@ imu: {topic: /imu/data, gyroscope_noise_density: 1.7e-4, gyroscope_random_walk: 
       accelerometer_noise_density: 5.9e-4, accelerometer_random_walk: 1.0e-5}
 camera: {topic: /camera/image_raw, info_topic: /camera/camera_info}
 lidar: {topic: /points, range_noise: 0.03}
+target: {type: checkerboard, cols: 8, rows: 6, square: 0.10}
 )";
 
 CalibrationEstimate someEstimate() {
@@ -25,6 +26,8 @@ CalibrationEstimate someEstimate() {
   estimate.camera.valid = estimate.lidar.valid = estimate.lidar_camera.valid = true;
   estimate.calibration.T_imu_camera = {expSo3({0.4, -1.1, 2.3}), {0.125, -0.25, 0.5}};
   estimate.calibration.T_imu_lidar = {expSo3({-1.7, 0.2, 0.9}), {0.1, 0.3, -0.25}};
+  estimate.calibration.camera_time_offset_s = -0.0125;
+  estimate.calibration.lidar_time_offset_s = 0.0025;
   estimate.covariance.diagonal().setConstant(1e-6);
   estimate.covariance(0, 6) = estimate.covariance(6, 0) = 0.5e-6;
   estimate.camera.unobservable = {"translation along imu z: <turn> about x or y"};
@@ -45,7 +48,7 @@ ReportContents someContents() {
   VisualKeyframe keyframe;
   keyframe.board = BoardObservation{{{10.0F, 10.0F}, {400.0F, 200.0F}}};
   contents.board.add(keyframe);
-  contents.pictures.push_back({"overlay <after>", "image/png", std::string("\x89PNG\x00\xff", 6)});
+  contents.pictures.push_back({"overlay <after>", "image/png", std::string("\x89PNG\x00\xff", 6), true});
   return contents;
 }
 
@@ -83,19 +86,36 @@ TEST(Report, SaysWhatTheRunFound) {
     has("<b>" + std::string(name) + "</b>");
   }
   has("0.12500<br>-0.25000<br>0.50000");
+  has("t_imu = t_camera - 12.5000 ms");
+  has("t_imu = t_lidar + 2.5000 ms");
+  has("views of the board");
   has(">0.50</td>");                        // correlation of the two x
   has("rms 0.2, assumed 0.1");              // corners noisier than assumed
   has("data:image/png;base64,iVBORwD/\"");  // RFC 4648, no padding needed
   has("found in 1 of 1 pictures");
+  has("<figure class=\"wide\"><figcaption>overlay &lt;after&gt;");
   EXPECT_NE(html.find("[mm]: rms 30"), std::string::npos) << "planes in millimetres";
 }
 
 TEST(Report, PicturesOfAnyLengthAreEncoded) {
   ReportContents contents;
-  contents.pictures = {{"a", "image/png", "f"}, {"b", "image/png", "fo"}, {"c", "image/png", "foob"}};
+  contents.pictures = {
+      {"a", "image/png", "f", false}, {"b", "image/png", "fo", false}, {"c", "image/png", "foob", false}};
   const std::string html = formatReport(parseRig(kRig, "rig.yaml"), someEstimate(), contents);
   for (const char* encoded : {"base64,Zg==\"", "base64,Zm8=\"", "base64,Zm9vYg==\""}) {
     EXPECT_NE(html.find(encoded), std::string::npos) << encoded;
+  }
+}
+
+TEST(Report, SaysNothingOfABoardThatIsNotThere) {
+  std::string rig = kRig;
+  rig.erase(rig.find("target"));
+  ReportContents contents = someContents();
+  contents.board.clear();
+  contents.board.add(VisualKeyframe());
+  const std::string html = formatReport(parseRig(rig, "my_rig.yaml"), someEstimate(), contents);
+  for (const char* words : {"board was found", "views of the board", "points on the board"}) {
+    EXPECT_EQ(html.find(words), std::string::npos) << words;
   }
 }
 

@@ -20,10 +20,11 @@ constexpr TimeNs kStart = 1'700'000'000'000'000'000;
 struct Recording {
   double imu_hz = 400.0, camera_hz = 20.0, lidar_hz = 10.0, span_s = 0.1;
   double camera_ahead_s = 0.0, lidar_ahead_s = 0.0;
-  double imu_jitter_s = 0.0;
+  double imu_jitter_s = 0.0, camera_jitter_s = 0.0, lidar_jitter_s = 0.0;
   double accel_scale = 1.0, gyro_scale = 1.0;
   double gyro_limit = 1e9;
   bool mirrored_gyro = false, no_gravity = false, repeat_stamps = false, with_camera = true;
+  bool with_imu = true, with_lidar = true;
   int lose_every = 0;
   sim::Motion motion = sim::Motion::kFull;
 
@@ -35,7 +36,7 @@ struct Recording {
     s.duration_s = 6.0;
     const std::vector<ImuSample> samples = sim::simulateImu(s, sim::Trajectory(s));
     std::mt19937 random(1);
-    std::uniform_real_distribution<double> scatter(-imu_jitter_s, imu_jitter_s);
+    std::uniform_real_distribution<double> scatter(-1.0, 1.0);
     const TimeNs origin = samples.front().stamp;
     constexpr TimeNs kStepNs = 500'000;
     for (int step = 0; step < 9800; ++step) {
@@ -43,12 +44,17 @@ struct Recording {
       const auto due = [step](double rate) {
         return std::floor(step * rate / 2e3) != std::floor((step - 1) * rate / 2e3);
       };
-      if (due(imu_hz)) addImu(samples, origin + step * kStepNs, now, scatter(random), step, &doctor);
+      if (with_imu && due(imu_hz)) {
+        addImu(samples, origin + step * kStepNs, now, imu_jitter_s * scatter(random), step, &doctor);
+      }
       if (with_camera && due(camera_hz)) {
         const TimeNs stamp = now + toNs(camera_ahead_s) - (repeat_stamps ? step % 1000 * kStepNs : 0);
-        doctor.addImage(stamp - 20'000'000, now);
+        doctor.addImage(stamp - 20'000'000 + toNs(camera_jitter_s * scatter(random)), now);
       }
-      if (due(lidar_hz)) doctor.addSweep(now - 110'000'000 + toNs(lidar_ahead_s), now, span_s);
+      if (with_lidar && due(lidar_hz)) {
+        const TimeNs stamp = now - 110'000'000 + toNs(lidar_ahead_s + lidar_jitter_s * scatter(random));
+        doctor.addSweep(stamp, now, span_s);
+      }
     }
     return doctor.findings();
   }
@@ -128,16 +134,55 @@ TEST(InputDoctor, NamesSaturation) {
   expectOnly(recording.examine(), "imu gyroscope range", "wider range");
 }
 
+TEST(InputDoctor, NamesSaturationOfTheAccelerometer) {
+  // At rest, with a blow of 50 m/s^2 every half a second, of which 2 g are shown.
+  InputDoctor doctor({"/imu", "", ""});
+  for (int i = 0; i < 2000; ++i) {
+    ImuSample sample;
+    sample.stamp = kStart + i * 2'500'000LL;
+    const double blow = i % 200 < 20 ? 50.0 * std::sin(M_PI * (i % 200) / 20.0) : 0.0;
+    sample.accel = {std::min(blow, 19.6), 0.0, 9.81};
+    doctor.addImu(sample, sample.stamp);
+  }
+  expectOnly(doctor.findings(), "imu accelerometer range", "wider range");
+}
+
 TEST(InputDoctor, NamesSlowImu) {
   Recording recording;
   recording.imu_hz = 40.0;
   expectOnly(recording.examine(), "imu rate", "raise the rate");
 }
 
+TEST(InputDoctor, NamesFastImu) {
+  InputDoctor doctor({"/imu", "", ""});
+  for (int i = 0; i < 20000; ++i) {
+    ImuSample sample;
+    sample.stamp = kStart + i * 250'000LL;
+    sample.accel.z() = 9.81;
+    doctor.addImu(sample, sample.stamp);
+  }
+  expectOnly(doctor.findings(), "imu rate", "lower the rate");
+}
+
+TEST(InputDoctor, NamesSlowCameraAndLidar) {
+  for (const double rate_hz : {1.0, 2.5}) {
+    Recording camera, lidar;
+    camera.camera_hz = rate_hz;
+    expectOnly(camera.examine(), "camera rate", "raise the rate");
+    lidar.lidar_hz = rate_hz;
+    lidar.span_s = 1.0 / rate_hz;
+    expectOnly(lidar.examine(), "lidar rate", "raise the rate of revolution");
+  }
+}
+
 TEST(InputDoctor, NamesJitter) {
-  Recording recording;
-  recording.imu_jitter_s = 0.9e-3;
-  expectOnly(recording.examine(), "imu jitter", "sensor's own clock");
+  Recording imu, camera, lidar;
+  imu.imu_jitter_s = 0.9e-3;
+  expectOnly(imu.examine(), "imu jitter", "sensor's own clock");
+  camera.camera_jitter_s = 0.015;
+  expectOnly(camera.examine(), "camera jitter", "sensor's own clock");
+  lidar.lidar_jitter_s = 0.03;
+  expectOnly(lidar.examine(), "lidar jitter", "sensor's own clock");
 }
 
 TEST(InputDoctor, NamesLosses) {
@@ -185,9 +230,13 @@ TEST(InputDoctor, NamesPackets) {
 }
 
 TEST(InputDoctor, NamesASilentSensor) {
-  Recording recording;
-  recording.with_camera = false;
-  expectOnly(recording.examine(), "camera silent", "camera: topic");
+  Recording imu, camera, lidar;
+  imu.with_imu = false;
+  expectOnly(imu.examine(), "imu silent", "imu: topic");
+  camera.with_camera = false;
+  expectOnly(camera.examine(), "camera silent", "camera: topic");
+  lidar.with_lidar = false;
+  expectOnly(lidar.examine(), "lidar silent", "lidar: topic");
 }
 
 TEST(InputDoctor, ComparesSizesAndFrames) {

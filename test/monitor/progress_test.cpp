@@ -87,6 +87,18 @@ TEST(ProgressForecast, PromisesNothingWithoutProgress) {
   EXPECT_FALSE(forecast.secondsLeft());  // days
 }
 
+TEST(NextStep, IsTheMissingMotionThenPatienceThenTheEnd) {
+  CalibrationEstimate estimate = known(2.0);
+  const auto hint = adviseMotion(estimate, {5.0, 1.0, 7.0}, kThresholds);
+  EXPECT_EQ(nextStep(estimate, "converging", hint), hint->words);
+  estimate = known(0.5);
+  estimate.status = Status::kConverging;  // two halves of the data still differ
+  EXPECT_EQ(nextStep(estimate, "converging", std::nullopt), "keep moving like this");
+  estimate.status = Status::kConverged;
+  EXPECT_NE(nextStep(estimate, "converged", std::nullopt).find("save"), std::string::npos);
+  EXPECT_EQ(nextStep(estimate, "frozen", std::nullopt), "");
+}
+
 TEST(ProgressWords, SayStateAndNeed) {
   CalibrationEstimate estimate = known(2.0);
   const std::string words =

@@ -39,7 +39,7 @@ std::optional<std::string> lookFor(double seconds, BoardSizeCheck* check, const 
 
 TEST(BoardSizeCheck, NamesTheSizeOfAnotherBoard) {
   BoardSizeCheck check(board(8, 6));
-  const auto problem = lookFor(10.0, &check, pictureOf(7, 5, {200, 100}));
+  const auto problem = lookFor(5.0, &check, pictureOf(7, 5, {200, 100}));
   ASSERT_TRUE(problem);
   EXPECT_EQ(*problem, "the board in the pictures has 7 x 5 inner corners, not 8 x 6");
 }

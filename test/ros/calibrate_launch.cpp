@@ -1,5 +1,5 @@
 /// Runs calibrate.launch on a small simulated bag, under the master that rostest started, and looks at what a user
-/// gets: tf while it runs, an end by itself, the result.
+/// gets: tf while it runs, an end by itself, the result; and a second run that goes on from it.
 
 #include <diagnostic_msgs/DiagnosticArray.h>
 #include <gtest/gtest.h>
@@ -66,7 +66,17 @@ class Listener {
   ros::AsyncSpinner spinner_;
 };
 
-TEST(CalibrateLaunch, BagEndsByItselfWithTfAndResult) {
+/// A small picture and a quarter of a minute: far from the best, but a wrong sign or frame would be decimetres off.
+void expectNearTruth(const CalibrationEstimate& estimate, const YAML::Node& truth) {
+  const Vector6d camera_error = estimate.calibration.T_imu_camera.minus(poseOf(truth["camera"]["T_imu_camera"]));
+  const Vector6d lidar_error = estimate.calibration.T_imu_lidar.minus(poseOf(truth["lidar"]["T_imu_lidar"]));
+  EXPECT_LT(camera_error.head<3>().norm(), 0.02);
+  EXPECT_LT(camera_error.tail<3>().norm(), 0.01);
+  EXPECT_LT(lidar_error.head<3>().norm(), 0.02);
+  EXPECT_LT(lidar_error.tail<3>().norm(), 0.01);
+}
+
+TEST(CalibrateLaunch, BagEndsByItselfWithTfAndResultAndGoesOnFromIt) {
   const fs::path directory = fs::temp_directory_path() / ("calibrate_launch_" + std::to_string(getpid()));
   fs::create_directories(directory);
   const std::string here = directory.string();
@@ -74,21 +84,17 @@ TEST(CalibrateLaunch, BagEndsByItselfWithTfAndResult) {
   ASSERT_EQ(runCommand("rosrun cocalib simulate --scenario " + scenario + " --bag " + here + "/in.bag --seed 3"), 0);
 
   Listener listener;
-  ASSERT_EQ(runCommand("timeout -s INT 240 roslaunch cocalib calibrate.launch rviz:=false rig:=" + here +
-                       "/in.rig.yaml bag:=" + here + "/in.bag output:=" + here + "/result < /dev/null"),
-            0);
+  const auto launch = [&](const std::string& arguments) {
+    return runCommand("timeout -s INT 180 roslaunch cocalib calibrate.launch rviz:=false rig:=" + here +
+                      "/in.rig.yaml bag:=" + here + "/in.bag " + arguments + " < /dev/null");
+  };
+  ASSERT_EQ(launch("output:=" + here + "/result"), 0);
   listener.stop();
 
   const YAML::Node truth = YAML::LoadFile(here + "/in.truth.yaml");
   const CalibrationEstimate estimate = loadResult(here + "/result/calibration.yaml");
   EXPECT_NE(estimate.status, Status::kInsufficientData);
-  // A small picture and a quarter of a minute: far from the best, but a wrong sign or frame would be decimetres off.
-  const Vector6d camera_error = estimate.calibration.T_imu_camera.minus(poseOf(truth["camera"]["T_imu_camera"]));
-  const Vector6d lidar_error = estimate.calibration.T_imu_lidar.minus(poseOf(truth["lidar"]["T_imu_lidar"]));
-  EXPECT_LT(camera_error.head<3>().norm(), 0.02);
-  EXPECT_LT(camera_error.tail<3>().norm(), 0.01);
-  EXPECT_LT(lidar_error.head<3>().norm(), 0.02);
-  EXPECT_LT(lidar_error.tail<3>().norm(), 0.01);
+  expectNearTruth(estimate, truth);
 
   EXPECT_GT(listener.transforms["imu_link camera_optical_frame"], 10);
   EXPECT_GT(listener.transforms["imu_link lidar_link"], 10);
@@ -100,6 +106,13 @@ TEST(CalibrateLaunch, BagEndsByItselfWithTfAndResult) {
   for (const char* name : {"convergence.csv", "convergence.png", "overlay_before.png", "overlay_after.png"}) {
     EXPECT_TRUE(fs::exists(directory / "result" / name)) << name;
   }
+
+  // Half of the recording once more, from that result: it begins with what is known and adds to it.
+  ASSERT_EQ(launch("output:=" + here + "/again start:=8 initial_guess:=" + here + "/result/calibration.yaml"), 0);
+  const CalibrationEstimate again = loadResult(here + "/again/calibration.yaml");
+  EXPECT_LT(again.duration_s, 0.6 * estimate.duration_s);
+  for (int i = 0; i < 14; ++i) EXPECT_LT(again.covariance(i, i), estimate.covariance(i, i)) << i;
+  expectNearTruth(again, truth);
   fs::remove_all(directory);
 }
 

@@ -40,11 +40,5 @@ TEST_F(ImuStreamTest, NumbersThatStandStillWhileItTurnsAreDroppedAndSaid) {
   EXPECT_EQ(take(20, turning), 20);  // it goes on
 }
 
-TEST_F(ImuStreamTest, RestWithoutNoiseAndNumbersThatComeTwiceAreRight) {
-  EXPECT_EQ(take(100, [](int) { return 0.0; }), 100);
-  EXPECT_EQ(take(100, [](int i) { return 0.5 + 0.01 * (i / 4); }), 100);
-  EXPECT_TRUE(notices.take().empty());
-}
-
 }  // namespace
 }  // namespace cocalib

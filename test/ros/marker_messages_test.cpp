@@ -45,5 +45,17 @@ TEST(MarkerMessages, ShowSensorsThatAreKnown) {
   EXPECT_GT(lidar.size(), nothing.size() + 1U);  // its ellipsoid
 }
 
+TEST(MarkerMessages, SayWhatToDoOnceAndDrawTheTurn) {
+  const MotionHint hint = {Eigen::Vector3d::UnitY(), "turn about imu y, back and forth: it helps"};
+  visualization_msgs::MarkerArray markers;
+  addHint("converging: " + hint.words, hint, FrameNames(), &markers);
+  ASSERT_EQ(namesOf(markers), (std::set<std::string>{"motion hint", "motion hint ring", "status"}));
+  EXPECT_EQ(markers.markers.back().text, "converging:\nturn about imu y, back and forth:\nit helps");
+  EXPECT_GT(markers.markers[0].points[1].y, markers.markers[0].points[0].y);
+  markers.markers.clear();
+  addHint("converged", std::nullopt, FrameNames(), &markers);
+  EXPECT_EQ(markers.markers[0].action, static_cast<int>(visualization_msgs::Marker::DELETE));
+}
+
 }  // namespace
 }  // namespace cocalib

@@ -1,14 +1,18 @@
-/// What the services answer while the camera's driver has not come yet, or says what cannot be used.
+/// What the services answer while the camera's driver has not come yet, or says what cannot be used; what is said of a
+/// topic that carries something else.
 
 #include <gtest/gtest.h>
 #include <ros/ros.h>
 #include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/Imu.h>
 #include <std_srvs/Trigger.h>
 
+#include <algorithm>
 #include <functional>
 #include <string>
 #include <vector>
 
+#include "cocalib/ros/messages.h"
 #include "live_test.h"
 
 namespace cocalib {
@@ -64,6 +68,20 @@ TEST(Waiting, EveryServiceSaysWhatIsMissing) {
     EXPECT_EQ(answer.success, service != "freeze") << service << ": " << answer.message;
     EXPECT_EQ(answer.message.find("waiting for"), std::string::npos) << service << ": " << answer.message;
   }
+
+  // The rig file names another sensor's topic.
+  const ros::Publisher other = nh.advertise<sensor_msgs::Imu>("/velodyne_points", 5);
+  const auto finds = [&](const std::string& words) {
+    const auto estimate =
+        ros::topic::waitForMessage<CalibrationEstimateMsg>("/cocalib/estimate", nh, ros::Duration(2.0));
+    if (!estimate) return false;
+    const auto& findings = estimate->findings;
+    return std::any_of(findings.begin(), findings.end(),
+                       [&](const std::string& finding) { return finding.find(words) != std::string::npos; });
+  };
+  EXPECT_TRUE(waitFor(
+      [&] { return finds("/velodyne_points: carries sensor_msgs/Imu, needed is sensor_msgs/PointCloud2"); }, 5.0));
+  EXPECT_TRUE(waitFor([&] { return finds("/imu/data: nothing has come on it"); }, 10.0));
 }
 
 }  // namespace

@@ -16,6 +16,7 @@ struct ReportPicture {
   std::string title;
   std::string media_type;  ///< "image/png" | "image/jpeg"
   std::string bytes;
+  bool wide = false;  ///< takes a row for itself; others stand two a row
 };
 
 /// What a run has to say besides its numbers.

@@ -24,6 +24,24 @@ inline bool isUsable(const ImuSample& sample) {
   return sample.gyro.norm() < kLargestRate && sample.accel.norm() < kLargestAcceleration;
 }
 
+/// Tells an inertial sensor whose numbers stand still while they say that it turns: it is stuck, or its driver is. One
+/// at rest that says the same for long may just have no noise. Not thread-safe.
+class StuckImu {
+ public:
+  /// @return whether this sample repeats numbers that cannot last
+  bool take(const ImuSample& sample) {
+    constexpr double kTurning = 0.1;     // one that turns like this feels gravity turn [rad/s]
+    constexpr double kLasting_s = 0.05;  // drivers that publish faster than the sensor measures repeat for less
+    const bool same = since_ && sample.gyro == since_->gyro && sample.accel == since_->accel;
+    if (!same) since_ = sample;
+    return sample.gyro.norm() > kTurning && toSeconds(sample.stamp - since_->stamp) > kLasting_s;
+  }
+  void reset() { since_.reset(); }
+
+ private:
+  std::optional<ImuSample> since_;  ///< first of those with the newest one's numbers
+};
+
 inline bool isUsable(const Pose& pose) {
   return pose.t.norm() < kLargestDistance_m && std::abs(pose.q.norm() - 1.0) < 1e-6;
 }

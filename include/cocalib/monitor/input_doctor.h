@@ -42,6 +42,8 @@ class InputDoctor {
   /// Findings that have not been taken yet.
   std::vector<Finding> takeNew();
   const std::vector<Finding>& findings() const { return findings_; }
+  /// Whether there is a sensor of which nothing has come yet.
+  bool awaitsSensor() const;
   /// Begins anew, and keeps what was found.
   void restart();
 

@@ -45,6 +45,10 @@ class ProgressForecast {
   std::deque<Entry> entries_;
 };
 
+/// What the user should do now, in a few words. @param stage  what the estimator is doing
+std::string nextStep(const CalibrationEstimate& estimate, const std::string& stage,
+                     const std::optional<MotionHint>& hint);
+
 /// The state in one line for the console: status, what each axis is known to against its threshold, what is needed
 /// still.
 std::string progressWords(const CalibrationEstimate& estimate, const std::string& stage,

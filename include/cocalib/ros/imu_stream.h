@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "cocalib/measurements/measurements.h"
+#include "cocalib/measurements/validity.h"
 #include "cocalib/ros/notices.h"
 #include "cocalib/ros/stream_guard.h"
 
@@ -30,14 +30,12 @@ class ImuStream {
 
   void reset() {
     guard_.reset();
-    same_since_.reset();
+    stuck_.reset();
   }
 
  private:
-  bool isStuck(const ImuSample& sample);
-
   StreamGuard guard_;
-  std::optional<ImuSample> same_since_;  ///< first sample of those with the newest one's numbers
+  StuckImu stuck_;
 };
 
 }  // namespace cocalib

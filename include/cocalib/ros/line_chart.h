@@ -19,7 +19,7 @@ struct Curve {
 struct ChartLabels {
   std::string title;
   std::string unit;
-  double wanted_sigma = 0.0;  ///< drawn as dashed lines to both sides of zero; 0: none
+  double wanted_sigma = 0.0;  ///< drawn as dashed lines to both sides of zero, and said when reached; 0: none
 };
 
 /// Draws curves over seconds into `panel` (BGR, any size from 200x120). The y range is that of the later two thirds:
@@ -28,5 +28,8 @@ void drawChart(const ChartLabels& labels, const std::vector<Curve>& curves, cv::
 
 /// One line of text in the middle of the picture.
 void drawCaption(const std::string& text, cv::Mat* image);
+
+/// A word on its colour, and a line of text beside it; the strip should be 24 px high.
+void drawHeading(const std::string& word, const cv::Scalar& colour, const std::string& text, cv::Mat* strip);
 
 }  // namespace cocalib

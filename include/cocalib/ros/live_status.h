@@ -43,6 +43,8 @@ class LiveStatus {
   bool logFindings();
   /// The state in one line.
   std::string words() const;
+  /// Only what it is and what to do, for the picture.
+  std::string headline() const;
   std::optional<MotionHint> hint() const;
   std::vector<std::string> findings() const;
   /// What the report says of the input.
@@ -50,7 +52,9 @@ class LiveStatus {
 
  private:
   static TimeNs now();
+  bool awaitsSensor() const;
 
+  const RigConfig rig_;
   mutable std::mutex mutex_;  // guards what follows
   InputInspection inspection_;
   ProgressForecast forecast_;

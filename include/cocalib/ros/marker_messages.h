@@ -14,8 +14,8 @@
 
 namespace cocalib {
 
-/// Markers for rviz: the plate with its squares (in the world frame), and the sensor mountings as axes (in the IMU
-/// frame), each with the ellipsoid of three sigma of its position.
+/// Markers for rviz: the plate with its squares (in the world frame), and the sensor mountings as axes with their names
+/// (in the IMU frame), each with the ellipsoid of three sigma of its position.
 visualization_msgs::MarkerArray toMarkers(const CalibrationEstimate& estimate, const std::optional<Pose>& T_W_B,
                                           const std::optional<BoardGeometry>& board, const FrameNames& frames);
 

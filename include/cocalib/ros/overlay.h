@@ -3,21 +3,11 @@
 #include <opencv2/core/mat.hpp>
 #include <optional>
 #include <string>
-#include <vector>
 
-#include "cocalib/estimation/estimate.h"
-#include "cocalib/measurements/measurements.h"
+#include "cocalib/monitor/overlay_scene.h"
 #include "cocalib/sensors/camera_model.h"
 
 namespace cocalib {
-
-/// A picture and a sweep of about the same time, with what brings them together.
-struct OverlayScene {
-  ImageFrame image;
-  LidarScan scan;
-  std::vector<ImuSample> imu;     ///< covers both, as far as it was there
-  std::optional<NavState> state;  ///< of the IMU at about the sweep's time; gives velocity and biases
-};
 
 /// What is drawn with: a calibration, and the board in the world of the scene's state (for its outline).
 struct OverlayCalibration {
@@ -25,10 +15,6 @@ struct OverlayCalibration {
   std::optional<Pose> T_W_B;
   std::string caption;
 };
-
-/// The sweep's points in the camera frame at the time of the picture: every point is carried from its own time by the
-/// gyro's rotation and the state's velocity.
-std::vector<Eigen::Vector3d> pointsInCamera(const OverlayScene& scene, const Calibration& calibration);
 
 /// How many points fall into the picture, and how many of these onto the board.
 struct OverlayCounts {

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "cocalib/io/rig_config.h"
-#include "cocalib/ros/overlay.h"
+#include "cocalib/monitor/overlay_scene.h"
 
 namespace cocalib {
 

@@ -1,12 +1,10 @@
 #pragma once
 
-#include <visualization_msgs/MarkerArray.h>
-
 #include <optional>
-#include <string>
 #include <vector>
 
-#include "cocalib/ros/overlay.h"
+#include "cocalib/monitor/overlay_scene.h"
+#include "cocalib/sensors/camera_model.h"
 
 namespace cocalib {
 
@@ -25,10 +23,5 @@ struct BoardViews {
 std::optional<BoardViews> viewBoard(const OverlayScene& scene, const BoardObservation& corners,
                                     const Calibration& calibration, const CameraModel& camera,
                                     const BoardGeometry& board, double range_noise_m);
-
-/// Markers for rviz: the camera's view as a blue grid through its corners, the lidar's as orange points with a yellow
-/// rim.
-visualization_msgs::MarkerArray toBoardViewMarkers(const BoardViews& views, const BoardGeometry& board,
-                                                   const std::string& camera_frame);
 
 }  // namespace cocalib

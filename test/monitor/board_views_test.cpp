@@ -1,4 +1,4 @@
-#include "cocalib/ros/board_views.h"
+#include "cocalib/monitor/board_views.h"
 
 #include <gtest/gtest.h>
 
@@ -73,27 +73,6 @@ TEST(BoardViews, StandApartByTheErrorOfTheCalibration) {
   double sum = 0.0;
   for (const Eigen::Vector3d& p_C : views->plate_C) sum += (views->T_C_B.inverse() * p_C).z();
   EXPECT_NEAR(sum / static_cast<double>(views->plate_C.size()), 0.06, 0.014);
-}
-
-TEST(BoardViews, AreMarkersInTheCamerasFrameAtThePicturesTime) {
-  const SeenBoard seen;
-  ASSERT_TRUE(seen.corners);
-  const BoardGeometry board = seen.s.board.geometry();
-  BoardViews views = *seen.view(seen.truth);
-  const visualization_msgs::MarkerArray markers = toBoardViewMarkers(views, board, "camera");
-  ASSERT_EQ(markers.markers.size(), 3U);
-  for (const visualization_msgs::Marker& marker : markers.markers) {
-    EXPECT_EQ(marker.header.frame_id, "camera");
-    EXPECT_EQ(marker.header.stamp.toNSec(), static_cast<std::uint64_t>(views.stamp));
-    EXPECT_EQ(marker.action, static_cast<int>(visualization_msgs::Marker::ADD));
-  }
-  EXPECT_EQ(markers.markers[0].points.size(), 2U * static_cast<std::size_t>(board.rows + board.cols));
-  EXPECT_EQ(markers.markers[1].points.size(), views.plate_C.size());
-  EXPECT_NE(markers.markers[0].color.b, markers.markers[1].color.b);
-  // A plate that is no longer found goes from the picture.
-  views.plate_C.clear();
-  EXPECT_EQ(toBoardViewMarkers(views, board, "camera").markers[1].action,
-            static_cast<int>(visualization_msgs::Marker::DELETE));
 }
 
 }  // namespace
