@@ -55,7 +55,7 @@ bool LidarInertialCalibrator::Impl::tryToStart() {
     diagnostics.message = estimate.message = why_anew.empty() ? reason : why_anew + "; " + reason;
     return false;
   }
-  returnUnseenToPrior(&*alignment);
+  returnUnseenToPrior(window.imu(), &*alignment);
   startWindow(*alignment);
   return started;
 }

@@ -5,8 +5,10 @@
 
 namespace cocalib {
 
-void returnUnseenToPrior(Alignment* alignment) {
-  const Eigen::Matrix3Xd unseen = unturnedBy(alignment->states);
+void returnUnseenToPrior(const ImuBuffer& imu, Alignment* alignment) {
+  InertialChain chain{ImuNoise()};
+  chain.update(alignment->states, imu);
+  const Eigen::Matrix3Xd unseen = LeverExcitation().unseen(alignment->states, chain).directions;
   const Eigen::Vector3d lever = alignment->T_imu_sensor.t;
   const Eigen::Vector3d shift = unseen * (unseen.transpose() * (alignment->lever_arm_guess - lever));
   alignment->T_imu_sensor.t += shift;

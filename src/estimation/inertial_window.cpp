@@ -86,8 +86,9 @@ void InertialWindow::learnImuNoise() {
   if (!solved_ || toSeconds(state_.nodes.back().stamp - imu_learnt_until_) < kPeriod_s) return;
   const auto factor = measureImuNoise(chain_, state_, *solved_);
   if (!factor) return;
-  const ImuNoiseScale scale = {std::clamp(imu_scale_.gyro * factor->gyro, 1.0, kMost),
-                               std::clamp(imu_scale_.accel * factor->accel, 1.0, kMost)};
+  const ImuNoiseScale scale = {std::max(1.0, imu_scale_.gyro * factor->gyro),
+                               std::max(1.0, imu_scale_.accel * factor->accel)};
+  if (scale.gyro > kMost || scale.accel > kMost) return;  // no noise: states that contradict the data
   const auto differs = [](double a, double b) { return std::abs(a - b) > kMatters * b; };
   if (differs(scale.gyro, imu_scale_.gyro) || differs(scale.accel, imu_scale_.accel)) {
     scaleImuNoise(scale);

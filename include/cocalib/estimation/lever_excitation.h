@@ -19,8 +19,7 @@ struct UnseenLevers {
 /// A sensor's path p + R t contains its lever arm t only as far as R t changes: along u nothing shows while R u stands
 /// still. But the estimated R u never stands quite still, and least squares take its noise for motion: information
 /// about u that is not there grows without end, and so does the error. So the directions along which the rig has not
-/// turned are found from the orientations themselves, and a system is made blind to them. Whether the IMU has been
-/// shifted is told by its accelerometer: estimated positions jitter with the very scale that is in question.
+/// turned, and whether it has been shifted, are told by the IMU's own readings, and a system is made blind to the rest.
 class LeverExcitation {
  public:
   /// Remembers what `nodes` show before the first `dropped` of them leave the window.
@@ -31,12 +30,9 @@ class LeverExcitation {
   UnseenLevers unseen(const std::vector<NavState>& nodes, const InertialChain& chain) const;
 
  private:
-  Eigen::Matrix3d past_turning_ = Eigen::Matrix3d::Zero();  ///< credited scatter of R u times its duration [rad^2 s]
-  double past_shifting_ = 0.0;                              ///< of the position [m^2 s]
+  Eigen::Matrix3d past_turning_ = Eigen::Matrix3d::Zero();  ///< credited [rad^2 s]
+  double past_shifting_ = 0.0;                              ///< credited [m^2 s]
 };
-
-/// Directions, in the IMU frame, along which `nodes` have not turned the rig; orthonormal columns.
-Eigen::Matrix3Xd unturnedBy(const std::vector<NavState>& nodes);
 
 /// How the lever arms of a window hang together.
 struct LeverLinks {
