@@ -7,6 +7,7 @@ repo=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 source "$repo/scripts/progress.sh"
 build_dir=${COCALIB_BUILD_DIR:-$repo/build}
 noetic_setup=/opt/ros/noetic/setup.bash
+cmake_options=()  # of a build of another kind
 # A pyenv or conda python3 in front of the system's one has no ROS modules and breaks message generation.
 export PATH=/usr/bin:$PATH
 
@@ -109,7 +110,8 @@ compile_jobs() {
   echo "${COCALIB_JOBS:-$cores}"
 }
 
-# build TARGET...: configures and makes; shows how far it is and everything that is not progress (warnings, errors).
+# build TARGET...: configures, with cmake_options, and makes; shows how far it is and everything that is not progress
+# (warnings, errors).
 build() {
   local launcher=() log="$build_dir/build.log" devel="${build_dir}_devel"
   mkdir -p "$build_dir" "$devel"
@@ -118,7 +120,7 @@ build() {
   ln -sfn "$devel" "$build_dir/devel"
   command -v ccache >/dev/null && launcher=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
   say "configuring (log: $build_dir/configure.log)"
-  if ! cmake -S "$repo" -B "$build_dir" -DCATKIN_DEVEL_PREFIX="$devel" "${launcher[@]}" >"$build_dir/configure.log" 2>&1; then
+  if ! cmake -S "$repo" -B "$build_dir" -DCATKIN_DEVEL_PREFIX="$devel" "${launcher[@]}" "${cmake_options[@]}" >"$build_dir/configure.log" 2>&1; then
     tail -n 30 "$build_dir/configure.log" >&2
     die "configuring failed"
   fi

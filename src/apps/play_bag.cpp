@@ -5,6 +5,11 @@
 #include <ros/ros.h>
 #include <rosbag/player.h>
 #include <rosgraph_msgs/Clock.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/CompressedImage.h>
+#include <sensor_msgs/Image.h>
+#include <sensor_msgs/Imu.h>
+#include <sensor_msgs/PointCloud2.h>
 #include <std_srvs/Trigger.h>
 
 #include <boost/program_options.hpp>
@@ -22,20 +27,23 @@ namespace {
 
 namespace options = boost::program_options;
 constexpr int kInputError = 1, kUsageError = 2;
+constexpr double kPauseS = 1.0;  // between two passes
 // In the order in which the data flow; each answers with success once its nodelet listens.
 const std::vector<std::string> kFlushServices = {"visual_inertial/flush", "lidar_inertial/flush", "flush"};
 
 struct Arguments {
   std::string rig, bag;
   double rate = 1.0, start_s = 0.0;
+  int passes = 1;
 };
 
 options::options_description describeOptions() {
-  options::options_description all("usage: play_bag --rig RIG.yaml --bag FILE.bag [--rate R] [--start S]");
+  options::options_description all("usage: play_bag --rig RIG.yaml --bag FILE.bag [--rate R] [--start S] [--passes N]");
   all.add_options()("rig", options::value<std::string>()->required(), "what the robot carries")(
       "bag", options::value<std::string>()->required(), "the recording")(
       "rate", options::value<double>()->default_value(1.0), "times the speed of the recording")(
-      "start", options::value<double>()->default_value(0.0), "seconds of the bag to skip");
+      "start", options::value<double>()->default_value(0.0), "seconds of the bag to skip")(
+      "passes", options::value<int>()->default_value(1), "times it is played, with stamps that go on");
   return all;
 }
 
@@ -45,7 +53,8 @@ Arguments parseArguments(int argc, char** argv) {
   options::store(options::command_line_parser(argc, argv).options(describeOptions()).positional({}).run(), values);
   options::notify(values);
   Arguments arguments = {values["rig"].as<std::string>(), values["bag"].as<std::string>(), values["rate"].as<double>(),
-                         values["start"].as<double>()};
+                         values["start"].as<double>(), values["passes"].as<int>()};
+  if (arguments.passes < 1) throw options::error("--passes must be 1 or more");
   if (!(arguments.rate > 0.0)) throw options::error("--rate must be more than 0");
   if (!(arguments.start_s >= 0.0)) throw options::error("--start must be 0 or more seconds");
   return arguments;
@@ -78,16 +87,21 @@ class Player {
   }
 
   void play() {
-    const ros::Time first = input_.begin();
+    // Another pass cannot go on with the motion of the one before; after a pause nobody expects it to.
+    const ros::Duration period = input_.end() - input_.begin() + ros::Duration(kPauseS);
     const ros::WallTime begin = ros::WallTime::now();
     ros::Time ticked;
-    for (const rosbag::MessageInstance& message : input_.view()) {
-      if (!ros::ok()) return;
-      const double since_s = (message.getTime() - first).toSec();
-      ros::WallTime::sleepUntil(begin + ros::WallDuration(since_s / arguments_.rate));
-      if (message.getTime() != ticked) tick(ticked = message.getTime());
-      publishers_.at(message.getTopic()).publish(message);
+    for (int pass = 0; pass < arguments_.passes; ++pass) {
+      const ros::Duration shift = period * pass;
+      for (const rosbag::MessageInstance& message : input_.view()) {
+        if (!ros::ok()) return;
+        const ros::Time now = message.getTime() + shift;
+        ros::WallTime::sleepUntil(begin + ros::WallDuration((now - input_.begin()).toSec() / arguments_.rate));
+        if (now != ticked) tick(ticked = now);
+        publish(message, shift);
+      }
     }
+    for (const auto& [topic, count] : played_) std::cout << "played " << count << " messages on " << topic << "\n";
   }
 
   /// Has the nodelets work off what they hold, solve over everything and write. @return whether a result was written
@@ -126,6 +140,32 @@ class Player {
     }
   }
 
+  void publish(const rosbag::MessageInstance& message, const ros::Duration& shift) {
+    const ros::Publisher& publisher = publishers_.at(message.getTopic());
+    ++played_[message.getTopic()];
+    if (shift.isZero()) return publisher.publish(message);
+    switch (input_.streamOf(message)) {
+      case cocalib::BagInput::Stream::kImu:
+        return publishShifted<sensor_msgs::Imu>(publisher, message, shift);
+      case cocalib::BagInput::Stream::kImage:
+        return publishShifted<sensor_msgs::Image>(publisher, message, shift);
+      case cocalib::BagInput::Stream::kCompressedImage:
+        return publishShifted<sensor_msgs::CompressedImage>(publisher, message, shift);
+      case cocalib::BagInput::Stream::kCloud:
+        return publishShifted<sensor_msgs::PointCloud2>(publisher, message, shift);
+      case cocalib::BagInput::Stream::kCameraInfo:
+        return publishShifted<sensor_msgs::CameraInfo>(publisher, message, shift);
+    }
+  }
+
+  template <typename Message>
+  static void publishShifted(const ros::Publisher& publisher, const rosbag::MessageInstance& message,
+                             const ros::Duration& shift) {
+    const boost::shared_ptr<Message> copy = message.instantiate<Message>();
+    copy->header.stamp += shift;
+    publisher.publish(copy);
+  }
+
   void tick(const ros::Time& now) {
     rosgraph_msgs::Clock msg;
     msg.clock = now;
@@ -144,6 +184,7 @@ class Player {
   ros::NodeHandle nh_;
   ros::Publisher clock_;
   std::map<std::string, ros::Publisher> publishers_;
+  std::map<std::string, std::size_t> played_;  // by topic
 };
 
 int play(const Arguments& arguments) {

@@ -5,6 +5,7 @@
 
 #include "cocalib/calibrators/window_estimate.h"
 #include "cocalib/estimation/observability.h"
+#include "cocalib/measurements/thinning.h"
 #include "cocalib/measurements/validity.h"
 #include "lidar_inertial_impl.h"
 
@@ -15,8 +16,8 @@ constexpr int kIterations = 2;
 constexpr double kSlack_m = 0.02;      // of the states, when points look for their planes
 constexpr double kMapSpacing_s = 0.5;  // between the sweeps that make up the published map
 
-/// Part of the sweep, in order of time.
-std::shared_ptr<const LidarScan> subsample(LidarScan scan, int max_points) {
+/// Part of the sweep, in order of time. @param effort  share of the usual part
+std::shared_ptr<const LidarScan> subsample(LidarScan scan, int max_points, double effort) {
   std::vector<LidarPoint>& points = scan.points;
   std::size_t stride = points.size() / static_cast<std::size_t>(max_points) + 1;
   if (stride % 2 == 0) ++stride;  // lasers come in powers of two: an odd stride visits all of them
@@ -26,6 +27,7 @@ std::shared_ptr<const LidarScan> subsample(LidarScan scan, int max_points) {
     points.resize(kept);
     points.shrink_to_fit();
   }
+  thin(&scan, effort);
   const auto earlier = [](const LidarPoint& a, const LidarPoint& b) { return a.offset_s < b.offset_s; };
   if (!std::is_sorted(points.begin(), points.end(), earlier)) std::stable_sort(points.begin(), points.end(), earlier);
   return std::make_shared<const LidarScan>(std::move(scan));
@@ -51,7 +53,7 @@ std::vector<LidarKeyframe> LidarInertialCalibrator::addScan(LidarScan scan, cons
     ++m.diagnostics.counts["empty scans"];
     return {};
   }
-  const auto kept = subsample(std::move(scan), m.params.max_points);
+  const auto kept = subsample(std::move(scan), m.params.max_points, m.effort);
   if (!isUsable(*kept)) {
     ++m.diagnostics.counts["scans with impossible numbers"];
     return {};
@@ -71,6 +73,8 @@ std::vector<LidarKeyframe> LidarInertialCalibrator::addScan(LidarScan scan, cons
   m.advance(look);
   return m.takeKeyframes();
 }
+
+void LidarInertialCalibrator::setEffort(double share) { impl_->effort = share; }
 
 std::vector<LidarKeyframe> LidarInertialCalibrator::flush() {
   Impl& m = *impl_;

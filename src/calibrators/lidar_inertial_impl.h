@@ -62,6 +62,7 @@ struct LidarInertialCalibrator::Impl {
   InertialWindow window;
   ImuInbox inbox;
   bool started = false;
+  double effort = 1.0;  // share of the usual number of points
   // Before the start: raw sweeps with their poses in the odometry's frame, newest initialization_s.
   std::deque<std::shared_ptr<const LidarScan>> raw;
   std::deque<LidarOdometry::Result> poses;

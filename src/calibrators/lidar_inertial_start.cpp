@@ -43,7 +43,8 @@ bool LidarInertialCalibrator::Impl::tryToStart() {
   forgetUselessSweeps();
   if (poses.empty()) return false;
   const TimeNs now = poses.back().end;
-  if (toSeconds(now - poses.front().begin) < kFirstTry_s || toSeconds(now - last_try) < kTryPeriod_s) return false;
+  if (toSeconds(now - poses.front().begin) < kFirstTry_s || toSeconds(now - last_try) < kTryPeriod_s / effort)
+    return false;
   last_try = now;
   std::string reason;
   auto alignment = align(false, &reason);

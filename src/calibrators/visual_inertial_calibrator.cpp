@@ -165,8 +165,10 @@ void VisualInertialCalibrator::Impl::take(VisualKeyframe keyframe) {
 bool VisualInertialCalibrator::isTooSoon(TimeNs stamp) const {
   if (!impl_->order.last()) return false;
   const double since = toSeconds(stamp - *impl_->order.last());
-  return since > 0.0 && since < kRateSlack / impl_->params.frame_rate_hz;
+  return since > 0.0 && since < kRateSlack / (impl_->effort * impl_->params.frame_rate_hz);
 }
+
+void VisualInertialCalibrator::setEffort(double share) { impl_->effort = share; }
 
 CalibrationEstimate VisualInertialCalibrator::estimate() const { return impl_->estimate; }
 

@@ -71,7 +71,8 @@ struct VisualInertialCalibrator::Impl {
   InertialWindow window;
   ImuInbox inbox;
   bool started = false;
-  StampOrder order;  // of the pictures
+  StampOrder order;     // of the pictures
+  double effort = 1.0;  // share of the usual rate of pictures
   std::optional<TimeNs> last_tracks;
   std::deque<ImageFrame> images;        // that wait for inertial data,
   std::deque<VisualKeyframe> explored;  // before the start, newest initialization_s

@@ -33,7 +33,7 @@ bool VisualInertialCalibrator::Impl::tryToStart() {
   if (explored.empty()) return false;
   const TimeNs now = explored.back().stamp;
   if (toSeconds(now - explored.front().stamp) < kFirstTry_s) return false;
-  if (last_try && toSeconds(now - *last_try) < kTryPeriod_s) return false;
+  if (last_try && toSeconds(now - *last_try) < kTryPeriod_s / effort) return false;
   last_try = now;
   std::string reason;
   const CameraExploration exploration(camera, board);

@@ -19,6 +19,7 @@ constexpr double kMostJitter = 0.15;  // of a period; the distance to the neares
 constexpr double kMostLost = 0.05, kMostRepeated = 0.02;
 // The calibrators find clock offsets of a tenth of a second by themselves; transport delays most of the rest.
 constexpr double kClockApartS = 0.5;
+constexpr double kLateS = 3.0;          // a message may be late by that on a busy machine
 constexpr double kClockDomainsS = 1e6;  // no unsynchronised clock is that far off; another epoch is
 constexpr double kYearS = 365.25 * 86400.0;
 constexpr std::size_t kLeastSpans = 5, kMostSpans = 50;
@@ -147,14 +148,18 @@ void InputDoctor::examineClock(const std::string& name, const std::string& topic
   const bool domains = std::abs(apart) > kClockDomainsS;
   const std::string distance =
       std::abs(apart) > kYearS ? format("%.1f years", std::abs(apart) / kYearS) : format("%.3g s", std::abs(apart));
-  report(
-      {name + " clock",
-       topic + ": stamps are " + distance + (apart > 0.0 ? " ahead of" : " behind") + " those of " + topics_.imu +
-           (domains ? ": one clock counts from its start, the other from 1970" : ": the clocks are not synchronised"),
-       domains ? "have both drivers stamp with the host's time (a time-source or use_ros_time setting), or synchronise "
-                 "the sensor by PTP"
-               : "synchronise the clocks (chrony, PTP), or have both drivers stamp with the host's time",
-       Finding::Weight::kError});
+  const bool late = apart < 0.0 && apart > -kLateS;
+  report({name + " clock",
+          topic + ": stamps are " + distance + (apart > 0.0 ? " ahead of" : " behind") + " those of " + topics_.imu +
+              (domains ? ": one clock counts from its start, the other from 1970"
+               : late  ? ": its messages come late, or the clocks are not synchronised"
+                       : ": the clocks are not synchronised"),
+          late ? "look at the load of the machine; synchronise the clocks (chrony, PTP)"
+          : domains
+              ? "have both drivers stamp with the host's time (a time-source or use_ros_time setting), or synchronise "
+                "the sensor by PTP"
+              : "synchronise the clocks (chrony, PTP), or have both drivers stamp with the host's time",
+          late ? Finding::Weight::kWarning : Finding::Weight::kError});
 }
 
 void InputDoctor::examineCamera(const StreamClock::Summary& imu) {

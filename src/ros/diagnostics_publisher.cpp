@@ -2,6 +2,7 @@
 
 #include <diagnostic_msgs/DiagnosticStatus.h>
 
+#include <algorithm>
 #include <utility>
 
 namespace cocalib {
@@ -26,10 +27,14 @@ DiagnosticsPublisher::DiagnosticsPublisher(const ros::NodeHandle& nh, const ros:
                                                [this](const ros::WallTimerEvent&) { updater_.force_update(); });
 }
 
-void DiagnosticsPublisher::update(CalibratorDiagnostics diagnostics, Values values) {
+void DiagnosticsPublisher::update(CalibratorDiagnostics diagnostics, const Values& values) {
   const std::lock_guard<std::mutex> lock(mutex_);
   diagnostics_ = std::move(diagnostics);
-  values_ = std::move(values);
+  if (std::exchange(reported_, false)) values_.clear();
+  for (const auto& [what, value] : values) {
+    const auto [known, fresh] = values_.emplace(what, value);
+    if (!fresh) known->second = std::max(known->second, value);
+  }
 }
 
 void DiagnosticsPublisher::report(diagnostic_updater::DiagnosticStatusWrapper& status) {
@@ -49,6 +54,7 @@ void DiagnosticsPublisher::report(diagnostic_updater::DiagnosticStatusWrapper& s
     status.add("finding " + std::to_string(i + 1), diagnostics_.findings[i]);
   }
   trouble = trouble || !diagnostics_.findings.empty();
+  reported_ = true;
   for (const auto& [what, value] : values_) status.addf(what, "%.4g", value);
   const std::string words = diagnostics_.stage + (diagnostics_.message.empty() ? "" : ": " + diagnostics_.message);
   using diagnostic_msgs::DiagnosticStatus;

@@ -2,9 +2,11 @@
 
 #include <ros/console.h>
 
+#include <chrono>
 #include <exception>
 #include <utility>
 
+#include "cocalib/measurements/thinning.h"
 #include "cocalib/ros/conversions.h"
 #include "cocalib/ros/imu_reader.h"
 #include "cocalib/ros/keyframe_conversions.h"
@@ -76,6 +78,7 @@ void FusionSession::addVisual(const VisualKeyframeConstPtr& msg) {
     }
     status_.addKeyframe(keyframe);
     if (keyframe.board) display_.addBoard(keyframe.stamp, *keyframe.board);
+    if (!isKept(pictures_++, pace_.share())) return solveIfDue();
     pipeline_.addVisual(std::move(keyframe));
     solveIfDue();
   });
@@ -89,6 +92,7 @@ void FusionSession::addLidar(const LidarKeyframeConstPtr& msg) {
       publisher_.broadcastPose(*keyframe.state);
       display_.addState(*keyframe.state);
     }
+    thin(&keyframe.scan, pace_.share());
     pipeline_.addLidar(std::move(keyframe));
     solveIfDue();
   });
@@ -206,9 +210,22 @@ bool FusionSession::save(std::string* words) {
   return true;
 }
 
+/// Not before everything that waits has been taken in: one solve for all of it, where solves take long.
 void FusionSession::solveIfDue() {
+  if (worker_.waiting(kVisual) + worker_.waiting(kLidar) > 0) return;
   if (pipeline_.frozen()) return lookAtMountings();
-  if (!pipeline_.fuser().wantsSolve() || !pipeline_.fuser().solve()) return;
+  if (pipeline_.fuser().wantsSolve()) solve();
+}
+
+void FusionSession::solve() {
+  using Clock = std::chrono::steady_clock;
+  using Seconds = std::chrono::duration<double>;
+  const auto begin = Clock::now();
+  const bool changed = pipeline_.fuser().solve();
+  const auto end = Clock::now();
+  pace_.take(Seconds(end.time_since_epoch()).count(), Seconds(end - begin).count());
+  if (pace_.tooSlow()) status_.report(tooSlow("fuser"));
+  if (!changed) return;
   unsaved_ = true;
   publish();
   if (freeze_when_converged_ && pipeline_.fuser().estimate().status == Status::kConverged) freezeNow();
@@ -257,6 +274,7 @@ void FusionSession::tellStatus() {
 void FusionSession::publishDiagnostics() {
   DiagnosticsPublisher::Values values;
   values["worst latency [s]"] = worker_.takeWorstLatency();
+  values["data left out [%]"] = 100.0 * (1.0 - pace_.share());
   CalibratorDiagnostics diagnostics = pipeline_.diagnostics();
   diagnostics.findings = status_.findings();
   for (const auto& [lane, name] :
@@ -264,7 +282,7 @@ void FusionSession::publishDiagnostics() {
     values[std::string(name) + " waiting"] = static_cast<double>(worker_.waiting(lane));
     diagnostics.counts[std::string(name) + " dropped in queue"] = worker_.dropped(lane);
   }
-  diagnostics_.update(std::move(diagnostics), std::move(values));
+  diagnostics_.update(std::move(diagnostics), values);
 }
 
 }  // namespace cocalib

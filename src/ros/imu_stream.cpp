@@ -5,6 +5,7 @@
 namespace cocalib {
 
 ImuStream::Outcome ImuStream::take(const sensor_msgs::Imu& msg, Notices* notices) {
+  notices->count("imu samples");
   std::string problem;
   Outcome outcome;
   outcome.sample = readImu(msg, &problem);

@@ -23,10 +23,13 @@ namespace cocalib::test {
 
 /// What became of a calibration, and what the user read of it.
 struct Outcome {
+  struct Sensor {
+    SensorVerdict verdict;
+    Vector6d error = Vector6d::Zero();
+    double offset_error_s = 0.0;
+  };
   CalibrationEstimate estimate;
-  SensorVerdict verdict;  ///< of the recording's sensor
-  Vector6d error = Vector6d::Zero();
-  double offset_error_s = 0.0;
+  std::vector<Sensor> sensors;  ///< of the recording: the camera first
   std::set<std::string> lines;  ///< on the console, in estimate and in diagnostics
   bool finite = true;           ///< every number that was published
   std::vector<std::pair<double, TimeNs>>
@@ -45,17 +48,15 @@ struct Outcome {
   }
 };
 
-/// Calibrator of the recording's sensor, fuser and input doctor, with the pipelines of nodelets and bag runner, on one
-/// thread. A picture of which only is known what is seen in it passes by the reader of pictures.
+/// Calibrators of the recording's sensors, fuser and input doctor, with the pipelines of nodelets and bag runner, on
+/// one thread. A picture of which only is known what is seen in it passes by the reader of pictures.
 class FaultRun {
  public:
   /// @param square_m  side of a square of the board, as the rig file says
   explicit FaultRun(const Recording& recording, double square_m = 0.10)
-      : recording_(recording), rig_(parseRig(rigFile(recording.scenario, square_m), "rig.yaml")), inspection_(rig_) {
-    if (rig_.lidar) {
-      lidar_.emplace(rig_);
-      fuser_.emplace(rig_, std::nullopt);
-    }
+      : recording_(recording), rig_(parseRig(rigFile(recording, square_m), "rig.yaml")), inspection_(rig_) {
+    if (rig_.lidar) lidar_.emplace(rig_);
+    if (!rig_.camera) fuser_.emplace(rig_, std::nullopt);
   }
 
   Outcome run() {
@@ -84,7 +85,8 @@ class FaultRun {
   }
 
  private:
-  static std::string rigFile(const sim::Scenario& s, double square_m) {
+  static std::string rigFile(const Recording& recording, double square_m) {
+    const sim::Scenario& s = recording.scenario;
     std::string text = R"(
 imu: {topic: /imu/data, gyroscope_noise_density: 1.745e-4, gyroscope_random_walk: 1.0e-6,
       accelerometer_noise_density: 5.884e-4, accelerometer_random_walk: 1.0e-5})";
@@ -92,7 +94,7 @@ imu: {topic: /imu/data, gyroscope_noise_density: 1.745e-4, gyroscope_random_walk
     if (s.camera.present && s.board.present) {
       text += "\ntarget: {type: checkerboard, cols: 8, rows: 6, square: " + std::to_string(square_m) + "}";
     }
-    if (!s.camera.present) text += "\nlidar: {topic: /velodyne_points, range_noise: 0.03}";
+    if (recording.has_lidar) text += "\nlidar: {topic: /velodyne_points, range_noise: 0.03}";
     return text;
   }
 
@@ -129,6 +131,7 @@ imu: {topic: /imu/data, gyroscope_noise_density: 1.745e-4, gyroscope_random_walk
   }
 
   void hand(std::vector<LidarKeyframe> keyframes) {
+    if (!fuser_) return;
     for (LidarKeyframe& keyframe : keyframes) fuser_->addLidar(std::move(keyframe));
     fuser_->fuser().setLidarEstimate(lidar_->calibrator().estimate());
     solve();
@@ -159,14 +162,13 @@ imu: {topic: /imu/data, gyroscope_noise_density: 1.745e-4, gyroscope_random_walk
     outcome_.estimate = fuser_->fuser().estimate();
     const Calibration& c = outcome_.estimate.calibration;
     const sim::Scenario& s = recording_.scenario;
+    if (camera_) {
+      outcome_.sensors.push_back({outcome_.estimate.camera, c.T_imu_camera.minus(s.camera.T_imu_camera()),
+                                  c.camera_time_offset_s - s.camera.time_offset_s});
+    }
     if (lidar_) {
-      outcome_.verdict = outcome_.estimate.lidar;
-      outcome_.error = c.T_imu_lidar.minus(s.lidar.T_imu_lidar());
-      outcome_.offset_error_s = c.lidar_time_offset_s - s.lidar.time_offset_s;
-    } else {
-      outcome_.verdict = outcome_.estimate.camera;
-      outcome_.error = c.T_imu_camera.minus(s.camera.T_imu_camera());
-      outcome_.offset_error_s = c.camera_time_offset_s - s.camera.time_offset_s;
+      outcome_.sensors.push_back({outcome_.estimate.lidar, c.T_imu_lidar.minus(s.lidar.T_imu_lidar()),
+                                  c.lidar_time_offset_s - s.lidar.time_offset_s});
     }
   }
 

@@ -42,6 +42,7 @@ struct Recording {
   };
   std::vector<Event> events;
   sim::Scenario scenario;
+  bool has_lidar = false;
 
   static Recording ofLidar() {
     sim::Scenario s = shortDrive();
@@ -57,6 +58,16 @@ struct Recording {
     s.board.present = board;
     s.camera.rate_hz = 20.0;  // as many as the calibrator takes
     Recording r(s);
+    r.addPictures();
+    r.sort();
+    return r;
+  }
+
+  static Recording ofRig() {
+    sim::Scenario s = shortDrive();
+    s.camera.rate_hz = 20.0;
+    Recording r(s);
+    r.addClouds();
     r.addPictures();
     r.sort();
     return r;
@@ -114,6 +125,7 @@ struct Recording {
   static Event event(Kind kind, double received_s) { return {received_s, kind, {}, {}, {}, {}}; }
 
   void addClouds() {
+    has_lidar = true;
     for (int k = 0; k < sim::scanCount(scenario); ++k) {
       const LidarScan scan = sim::simulateScan(scenario, scene_, trajectory_, k).scan;
       Event e = event(Kind::kCloud, toSeconds(scan.stamp - scenario.epoch) + kSweep_s + kTransport_s);

@@ -203,6 +203,10 @@ TEST(InputDoctor, TellsSecondsFromEpochs) {
   Recording recording;
   recording.camera_ahead_s = -2.5;
   expectOnly(recording.examine(), "camera clock", "chrony");
+  recording.camera_ahead_s = -0.9;  // as pictures are on a machine that is too slow
+  const auto late = recording.examine();
+  expectOnly(late, "camera clock", "load of the machine");
+  EXPECT_NE(late.front().problem.find("come late"), std::string::npos) << late.front().problem;
   recording.camera_ahead_s = -1.7e9 + 100.0;
   const std::vector<Finding> epochs = recording.examine();
   expectOnly(epochs, "camera clock", "host's time");

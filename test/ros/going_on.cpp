@@ -8,9 +8,7 @@
 #include <ros/ros.h>
 #include <sensor_msgs/Image.h>
 #include <sensor_msgs/PointCloud2.h>
-#include <signal.h>
 #include <std_srvs/Trigger.h>
-#include <sys/wait.h>
 #include <unistd.h>
 #include <visualization_msgs/MarkerArray.h>
 #include <yaml-cpp/yaml.h>
@@ -30,40 +28,12 @@ namespace cocalib {
 namespace {
 
 using test::poseOf;
+using test::Program;
 using test::waitFor;
 
 namespace fs = std::filesystem;
 
 constexpr double kRecordingS = 26.0;
-
-/// A program that runs beside the test, and is ended with it.
-class Program {
- public:
-  explicit Program(const std::string& command) : pid_(fork()) {
-    if (pid_ != 0) return;
-    setpgid(0, 0);  // so that what the shell starts is ended with it
-    execl("/bin/sh", "sh", "-c", command.c_str(), nullptr);
-    _exit(127);
-  }
-  ~Program() { end(); }
-  Program(const Program&) = delete;
-  Program& operator=(const Program&) = delete;
-
-  int wait() {
-    int status = 0;
-    if (pid_ > 0) waitpid(pid_, &status, 0);
-    pid_ = 0;
-    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-  }
-  void end() {
-    if (pid_ <= 0) return;
-    kill(-pid_, SIGINT);
-    wait();
-  }
-
- private:
-  pid_t pid_;
-};
 
 class GoingOn : public testing::Test {
  protected:

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <ros/time.h>
+#include <signal.h>
 #include <sys/wait.h>
+#include <unistd.h>
 #include <yaml-cpp/yaml.h>
 
 #include <cstdlib>
@@ -33,5 +35,34 @@ inline bool waitFor(const std::function<bool()>& condition, double seconds) {
   while (!condition() && ros::WallTime::now() < end) ros::WallDuration(0.05).sleep();
   return condition();
 }
+
+/// A program that runs beside the test, and is ended with it.
+class Program {
+ public:
+  explicit Program(const std::string& command) : pid_(fork()) {
+    if (pid_ != 0) return;
+    setpgid(0, 0);  // so that what the shell starts is ended with it
+    execl("/bin/sh", "sh", "-c", command.c_str(), nullptr);
+    _exit(127);
+  }
+  ~Program() { end(); }
+  Program(const Program&) = delete;
+  Program& operator=(const Program&) = delete;
+
+  int wait() {
+    int status = 0;
+    if (pid_ > 0) waitpid(pid_, &status, 0);
+    pid_ = 0;
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+  void end() {
+    if (pid_ <= 0) return;
+    kill(-pid_, SIGINT);
+    wait();
+  }
+
+ private:
+  pid_t pid_;
+};
 
 }  // namespace cocalib::test

@@ -54,6 +54,10 @@ class LidarInertialCalibrator {
   ///              deskewedCloud() need not wait for it
   std::vector<LidarKeyframe> addScan(LidarScan scan, const std::function<void()>& look = nullptr);
 
+  /// On a machine that is too slow for all points. @param share  of a sweep's that is kept, and of the attempts at a
+  /// start that are made, from now on; above 0, to 1
+  void setEffort(double share);
+
   /// Keyframes held back for want of a state, at the end of the data.
   std::vector<LidarKeyframe> flush();
 

@@ -46,6 +46,10 @@ class VisualInertialCalibrator {
   /// Whether a picture of this time follows the last one too soon to be processed: its decoding can be saved.
   bool isTooSoon(TimeNs stamp) const;
 
+  /// On a machine that is too slow for all pictures. @param share  of frame_rate_hz that is processed, and of the
+  /// attempts at a start that are made, from now on; above 0, to 1
+  void setEffort(double share);
+
   /// Keyframes held back for want of a state, at the end of the data.
   std::vector<VisualKeyframe> flush();
 

@@ -10,6 +10,7 @@
 #include <string>
 #include <utility>
 
+#include "cocalib/monitor/pace.h"
 #include "cocalib/ros/diagnostics_publisher.h"
 #include "cocalib/ros/estimate_publisher.h"
 #include "cocalib/ros/fuser_pipeline.h"
@@ -28,8 +29,9 @@ struct SessionSettings {
   double status_period_s = 1.0;  ///< between two lines on the console
 };
 
-/// One live co-calibration: the fuser on its own thread, what it publishes, and its result on disk. All functions may
-/// be called from any thread; none of them solves on the caller's, but finish() and save() wait for what they ask for.
+/// One live co-calibration: the fuser on its own thread, what it publishes, and its result on disk. Where solving takes
+/// too long it uses fewer data, and says so. All functions may be called from any thread; none of them solves on the
+/// caller's, but finish() and save() wait for what they ask for.
 class FusionSession {
  public:
   /// @param output  directory of the result files
@@ -64,7 +66,9 @@ class FusionSession {
 
  private:
   enum Lane : std::size_t { kImu, kVisual, kLidar, kControl };
+  static constexpr double kLongSolve_s = 0.45;  // new data wait for one solve, and then for their own
   void solveIfDue();
+  void solve();
   bool freezeNow();
   void lookAtMountings();
   void publish();
@@ -83,9 +87,11 @@ class FusionSession {
   LiveDisplay display_;
   LiveStatus status_;
   TfRivals rivals_;
-  FuserPipeline pipeline_;   // used by worker_ only
-  bool greeted_ = false;     // used by worker_ only
-  std::mutex newest_mutex_;  // guards newest_
+  FuserPipeline pipeline_;    // used by worker_ only
+  bool greeted_ = false;      // used by worker_ only
+  Pace pace_{kLongSolve_s};   // used by worker_ only
+  std::size_t pictures_ = 0;  // used by worker_ only
+  std::mutex newest_mutex_;   // guards newest_
   std::pair<CalibrationEstimate, CalibratorDiagnostics> newest_;
   Worker worker_;         // its jobs use all of the above
   ros::WallTimer timer_;  // last: it posts jobs

@@ -6,10 +6,12 @@
 #include <ros/time.h>
 #include <std_msgs/String.h>
 
+#include <chrono>
 #include <cstdint>
 #include <string>
 #include <vector>
 
+#include "cocalib/monitor/pace.h"
 #include "cocalib/ros/diagnostics_publisher.h"
 #include "cocalib/ros/estimate_conversions.h"
 #include "cocalib/ros/keyframe_conversions.h"
@@ -20,7 +22,8 @@
 namespace cocalib {
 
 /// What the camera's and the lidar's nodelets have in common: a pipeline on a thread of its own, its keyframes, its
-/// estimate, the feedback of the joint calibration, start and stop. `Pipeline` is CameraPipeline or LidarPipeline.
+/// estimate, the feedback of the joint calibration, start and stop. On a machine that is too slow it uses fewer data
+/// rather than older ones, and says so. `Pipeline` is CameraPipeline or LidarPipeline.
 template <typename Pipeline, typename KeyframeMsg, SensorPart kPart>
 class SensorSession {
  public:
@@ -44,8 +47,17 @@ class SensorSession {
   /// @param process  Pipeline& -> keyframes; runs on the worker's thread
   template <typename Process>
   void addData(Process process) {
-    worker_.post(kData, [this, process] {
-      if (active_) publish(process(pipeline_));
+    const auto came = Clock::now();
+    worker_.post(kData, [this, process, came] {
+      if (!active_) return;
+      const auto now = Clock::now();
+      waited_s_ = Seconds(now - came).count();
+      if (!pace_.take(Seconds(now.time_since_epoch()).count(), waited_s_)) {
+        ++too_late_;
+        return publish(decltype(process(pipeline_))());
+      }
+      pipeline_.calibrator().setEffort(pace_.share());
+      publish(process(pipeline_));
     });
   }
 
@@ -87,6 +99,8 @@ class SensorSession {
   void stop() { worker_.stop(); }
 
  private:
+  using Clock = std::chrono::steady_clock;
+  using Seconds = std::chrono::duration<double>;
   enum Lane : std::size_t { kImu, kData, kControl };
 
   template <typename Keyframe>
@@ -99,6 +113,8 @@ class SensorSession {
     }
     logNotices(&pipeline_.notices());
     CalibratorDiagnostics diagnostics = pipeline_.diagnostics();
+    if (pace_.tooSlow())
+      diagnostics.findings.push_back(tooSlow(kPart == SensorPart::kCamera ? "camera" : "lidar").words());
     const CalibrationEstimate estimate = pipeline_.calibrator().estimate();
     const bool found_more = diagnostics.findings.size() != last_findings_;
     if (estimate.stamp != last_estimate_ || diagnostics.message != last_words_ || found_more) {
@@ -110,7 +126,10 @@ class SensorSession {
     }
     diagnostics.counts["imu samples dropped in queue"] = worker_.dropped(kImu);
     diagnostics.counts["data dropped in queue"] = worker_.dropped(kData);
+    diagnostics.counts["data dropped as too late"] = too_late_;
     diagnostics_.update(std::move(diagnostics), {{"data waiting", static_cast<double>(worker_.waiting(kData))},
+                                                 {"wait of the data [s]", waited_s_},
+                                                 {"data left out [%]", 100.0 * (1.0 - pace_.share())},
                                                  {"worst latency [s]", worker_.takeWorstLatency()}});
   }
 
@@ -132,7 +151,10 @@ class SensorSession {
   ros::Time last_joint_;
   std::string last_words_;
   std::size_t last_findings_ = 0;
-  Worker worker_;  // last: its jobs use all of the above
+  Pace pace_;
+  std::uint64_t too_late_ = 0;
+  double waited_s_ = 0.0;  // what came up last
+  Worker worker_;          // last: its jobs use all of the above
 };
 
 }  // namespace cocalib

@@ -1,0 +1,198 @@
+/// A machine that is too slow: the nodelets must say so, stay with the present, and still find the mountings.
+
+#include <diagnostic_msgs/DiagnosticArray.h>
+#include <gtest/gtest.h>
+#include <ros/master.h>
+#include <ros/network.h>
+#include <ros/package.h>
+#include <ros/ros.h>
+#include <std_srvs/Trigger.h>
+#include <unistd.h>
+#include <xmlrpcpp/XmlRpc.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cstdio>
+#include <filesystem>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <utility>
+
+#include "cocalib/io/result_file.h"
+#include "live_test.h"
+
+namespace cocalib {
+namespace {
+
+using test::poseOf;
+using test::Program;
+using test::runCommand;
+using test::waitFor;
+
+namespace fs = std::filesystem;
+
+pid_t pidOf(const std::string& node) {
+  XmlRpc::XmlRpcValue request, response, payload;
+  request[0] = ros::this_node::getName();
+  request[1] = node;
+  if (!ros::master::execute("lookupNode", request, response, payload, false)) return 0;
+  std::string host;
+  std::uint32_t port = 0;
+  if (!ros::network::splitURI(std::string(payload), host, port)) return 0;
+  XmlRpc::XmlRpcClient client(host.c_str(), static_cast<int>(port));
+  request.setSize(1);
+  if (!client.execute("getPid", request, response)) return 0;
+  return static_cast<int>(response[2]);
+}
+
+/// Lets a process run for a share of the time only, as a slower machine would.
+class Brake {
+ public:
+  explicit Brake(pid_t pid) : pid_(pid), thread_([this] { run(); }) {}
+  ~Brake() {
+    ended_ = true;
+    thread_.join();
+  }
+  void setSpeed(double share) { share_ = share; }
+  double speed() const { return share_; }
+
+ private:
+  void run() {
+    constexpr double kPeriod_s = 0.05;
+    while (!ended_) {
+      const double share = share_;
+      if (share < 1.0) kill(pid_, SIGSTOP);
+      ros::WallDuration((1.0 - share) * kPeriod_s).sleep();
+      kill(pid_, SIGCONT);
+      ros::WallDuration(share * kPeriod_s).sleep();
+    }
+  }
+
+  const pid_t pid_;
+  std::atomic<double> share_{1.0};
+  std::atomic<bool> ended_{false};
+  std::thread thread_;
+};
+
+/// What the two calibrators say in /diagnostics.
+class Listener {
+ public:
+  Listener() { subscriber_ = nh_.subscribe("/diagnostics", 100, &Listener::onDiagnostics, this); }
+
+  bool saidTooSlow() const { return too_slow_; }
+  /// Longest that data had to wait since the last call [s].
+  double takeLongestWait() {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return std::exchange(longest_wait_s_, 0.0);
+  }
+
+ private:
+  void onDiagnostics(const diagnostic_msgs::DiagnosticArray& msg) {
+    for (const auto& status : msg.status) {
+      for (const auto& entry : status.values) {
+        if (entry.value.rfind("too slow: ", 0) == 0) too_slow_ = status.level == status.WARN;
+        if (entry.key != "wait of the data [s]") continue;
+        const std::lock_guard<std::mutex> lock(mutex_);
+        longest_wait_s_ = std::max(longest_wait_s_, std::stod(entry.value));
+      }
+    }
+  }
+
+  ros::NodeHandle nh_;
+  std::mutex mutex_;
+  double longest_wait_s_ = 0.0;
+  std::atomic<bool> too_slow_{false};
+  ros::Subscriber subscriber_;
+};
+
+/// Of one sensor's mounting, with what the result says of itself.
+struct Error {
+  double m, rad, sigma_m, sigma_rad;
+};
+
+class TooSlow : public testing::Test {
+ protected:
+  TooSlow() : spinner_(1), directory_(fs::temp_directory_path() / ("cocalib_too_slow_" + std::to_string(getpid()))) {
+    ros::NodeHandle own("~");
+    own.getParam("rig", rig_);
+    own.getParam("output", output_);
+    spinner_.start();
+    fs::create_directories(directory_);
+    bag_ = (directory_ / "in.bag").string();
+  }
+  ~TooSlow() override { fs::remove_all(directory_); }
+
+  std::string player() const {
+    return "ROS_NAMESPACE=/cocalib rosrun cocalib play_bag --rig " + rig_ + " --bag " + bag_;
+  }
+  /// Of camera and lidar in the result that was written last.
+  std::array<Error, 2> errors() const {
+    const YAML::Node truth = YAML::LoadFile((directory_ / "in.truth.yaml").string());
+    const CalibrationEstimate result = loadResult(output_ + "/calibration.yaml");
+    EXPECT_TRUE(result.camera.valid && result.lidar.valid) << result.message;
+    const auto error = [](const Pose& found, const YAML::Node& right, const Vector6d& sigma) {
+      const Vector6d off = found.minus(poseOf(right));
+      return Error{off.head<3>().norm(), off.tail<3>().norm(), sigma.head<3>().norm(), sigma.tail<3>().norm()};
+    };
+    return {error(result.calibration.T_imu_camera, truth["camera"]["T_imu_camera"], result.camera.sigma),
+            error(result.calibration.T_imu_lidar, truth["lidar"]["T_imu_lidar"], result.lidar.sigma)};
+  }
+
+  std::string rig_, output_, bag_;
+  Listener listener_;
+
+ private:
+  ros::AsyncSpinner spinner_;
+  fs::path directory_;
+};
+
+TEST_F(TooSlow, UsesFewerDataAndSaysSo) {
+  ASSERT_EQ(runCommand("rosrun cocalib simulate --scenario " + ros::package::getPath("cocalib") +
+                       "/test/ros/launch_scenario.yaml --duration 40 --bag " + bag_ + " --seed 3"),
+            0);
+  ASSERT_EQ(runCommand(player()), 0);
+  const std::array<Error, 2> usual = errors();
+  listener_.takeLongestWait();
+
+  std_srvs::Trigger start;
+  ASSERT_TRUE(ros::service::call("/cocalib/start", start) && start.response.success);
+  const pid_t manager = pidOf("/cocalib/manager");
+  ASSERT_GT(manager, 0);
+  {
+    Brake brake(manager);
+    Program player(this->player());
+    // How slow is too slow depends on the machine.
+    for (brake.setSpeed(0.5); !waitFor([&] { return listener_.saidTooSlow(); }, 4.0);
+         brake.setSpeed(0.6 * brake.speed())) {
+      ASSERT_GT(brake.speed(), 0.01);
+    }
+    std::printf("too slow at %.2f of the speed\n", brake.speed());
+    waitFor([] { return false; }, 4.0);  // the backlog from before
+    listener_.takeLongestWait();
+    waitFor([] { return false; }, 10.0);
+    const double wait_s = listener_.takeLongestWait();
+    EXPECT_GT(wait_s, 0.0);
+    EXPECT_LT(wait_s, 1.0);
+    brake.setSpeed(1.0);
+    ASSERT_EQ(player.wait(), 0);
+  }
+  const std::array<Error, 2> slow = errors();
+  for (std::size_t i = 0; i < usual.size(); ++i) {
+    std::printf("%s: %.2f -> %.2f mm, %.3f -> %.3f mrad\n", i == 0 ? "camera" : "lidar", 1e3 * usual[i].m,
+                1e3 * slow[i].m, 1e3 * usual[i].rad, 1e3 * slow[i].rad);
+    // One recording may have been lucky.
+    EXPECT_LE(slow[i].m, 3.0 * std::max(usual[i].m, usual[i].sigma_m));
+    EXPECT_LE(slow[i].rad, 3.0 * std::max(usual[i].rad, usual[i].sigma_rad));
+  }
+}
+
+}  // namespace
+}  // namespace cocalib
+
+int main(int argc, char** argv) {
+  testing::InitGoogleTest(&argc, argv);
+  ros::init(argc, argv, "too_slow");
+  return RUN_ALL_TESTS();
+}
