@@ -17,8 +17,7 @@ namespace cocalib {
 struct LidarInertialParams {
   double range_noise_m = 0.03;     ///< 1 sigma, 0.001..0.5
   double window_s = 5.0;           ///< length of the sliding window, 2..60
-  double solve_period_s = 0.9;     ///< data time between two solves, 0.1..10; ten sweeps would make the fuser, which
-                                   ///< waits for both calibrators, miss its second now and then
+  double solve_period_s = 1.0;     ///< data time between two solves, 0.1..10
   double initialization_s = 12.0;  ///< data kept while nothing is known, 3..60
   int max_points = 30000;          ///< points kept of a sweep, spread evenly, 500..200000
 
