@@ -249,6 +249,18 @@ InertialWindow::Summary InertialWindow::optimize(int max_iterations) {
   return summary;
 }
 
+void InertialWindow::setLinearization(const Calibration& calibration) {
+  const Eigen::Matrix3Xd open = excitation_.unseen(state_.nodes, chain_).directions;
+  const Calibration before = state_.calibration;
+  state_.calibration = calibration;
+  const auto keepOpen = [&](const Pose& own, Pose* taken) {
+    taken->t += open * (open.transpose() * (own.t - taken->t));
+  };
+  keepOpen(before.T_imu_camera, &state_.calibration.T_imu_camera);
+  keepOpen(before.T_imu_lidar, &state_.calibration.T_imu_lidar);
+  solved_.reset();
+}
+
 bool InertialWindow::calibrationCovariance(Matrix14d* covariance) {
   if (!solved_) {
     solved_.emplace(static_cast<int>(state_.nodes.size()), GlobalLayout::size(static_cast<int>(state_.planes.size())));

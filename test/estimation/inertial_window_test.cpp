@@ -131,6 +131,21 @@ TEST(InertialWindow, PlanarMotionLeavesTheVerticalLeverArmUnknown) {
   EXPECT_LT(std::abs(sim.error()[2]), 3.0 * verdict.sigma[2]);
 }
 
+TEST(InertialWindow, FeedbackLeavesOpenDirectionsAlone) {
+  sim::Scenario planar = scenario(6.0, 2);
+  planar.motion = sim::Motion::kPlanar;
+  SimulatedWindow sim(planar, corners());
+  sim.solve();
+  const Calibration own = sim.window().state().calibration;
+  Calibration fed_back = own;
+  fed_back.T_imu_camera.t += Eigen::Vector3d(0.01, -0.02, 0.3);
+  sim.window().setLinearization(fed_back);
+  const Eigen::Vector3d moved = sim.window().state().calibration.T_imu_camera.t - own.T_imu_camera.t;
+  EXPECT_NEAR(moved.x(), 0.01, 1e-3);
+  EXPECT_NEAR(moved.y(), -0.02, 1e-3);
+  EXPECT_NEAR(moved.z(), 0.0, 1e-3);
+}
+
 TEST(InertialWindow, RepeatsToTheBit) {
   SimulatedWindow a(scenario(3.0, 6), corners()), b(scenario(3.0, 6), corners());
   a.solve();

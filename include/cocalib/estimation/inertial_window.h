@@ -118,11 +118,9 @@ class InertialWindow {
   /// Turns everything before `stamp` into a prior on what remains.
   bool marginalizeBefore(TimeNs stamp);
 
-  /// Replaces the shared start values: the joint calibration fed back (never as information).
-  void setLinearization(const Calibration& calibration) {
-    state_.calibration = calibration;
-    solved_.reset();
-  }
+  /// Replaces the shared start values: the joint calibration fed back (never as information). Along directions that the
+  /// motion does not show a lever arm stays where it is: nothing would hold it at another value, nor bring it back.
+  void setLinearization(const Calibration& calibration);
 
  private:
   void build(const WindowState& state, int end_node, ChainSystem* system);
