@@ -20,7 +20,6 @@ namespace cocalib {
 struct CoCalibrationFuser::Impl {
   Impl(const FuserParams& p, const ImuNoise& noise, const FuserInputs& in)
       : params(p),
-        imu_noise(noise),
         inputs(in),
         window(fuserWindowParams(p, noise, in)),
         record(fuserWindowParams(p, noise, in), p.window_s),
@@ -45,7 +44,6 @@ struct CoCalibrationFuser::Impl {
   void publish(InertialWindow* from);
 
   FuserParams params;
-  ImuNoise imu_noise;
   FuserInputs inputs;
   InertialWindow window;  // the newest seconds, with a prior for what came before: solved once a second
   WindowRecord record;    // everything, for the last word
