@@ -12,6 +12,7 @@
 #include <sensor_msgs/PointCloud2.h>
 #include <std_srvs/Trigger.h>
 
+#include <algorithm>
 #include <boost/program_options.hpp>
 #include <exception>
 #include <iostream>
@@ -108,10 +109,8 @@ class Player {
   bool finish() {
     ros::WallDuration(1.0).sleep();  // the last messages are still on the wire
     std::string words;
-    for (const std::string& service : kFlushServices) {
-      if (!call(service, &words)) return false;
-    }
-    if (!call("stop", &words) || !call("save", &words)) {
+    const auto asked = [this, &words](const std::string& service) { return call(service, &words); };
+    if (!std::all_of(kFlushServices.begin(), kFlushServices.end(), asked) || !asked("stop") || !asked("save")) {
       std::cerr << "play_bag: " << words << "\n";
       return false;
     }

@@ -6,6 +6,7 @@
 #include <ros/network.h>
 #include <ros/package.h>
 #include <ros/ros.h>
+#include <sched.h>
 #include <std_srvs/Trigger.h>
 #include <unistd.h>
 #include <xmlrpcpp/XmlRpc.h>
@@ -15,10 +16,12 @@
 #include <atomic>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
 #include <mutex>
 #include <string>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "cocalib/io/result_file.h"
 #include "live_test.h"
@@ -47,31 +50,54 @@ pid_t pidOf(const std::string& node) {
   return static_cast<int>(response[2]);
 }
 
-/// Lets a process run for a share of the time only, as a slower machine would.
+/// Lets every thread of a process run on these processors only.
+void pin(pid_t pid, const cpu_set_t& processors) {
+  for (const fs::directory_entry& task : fs::directory_iterator("/proc/" + std::to_string(pid) + "/task"))
+    sched_setaffinity(std::stoi(task.path().filename().string()), sizeof processors, &processors);
+}
+
+/// Of all threads of a process since it began [s].
+double processorTime(pid_t pid) {
+  double total_s = 0.0;
+  for (const fs::directory_entry& task : fs::directory_iterator("/proc/" + std::to_string(pid) + "/task")) {
+    double run_ns = 0.0;
+    std::ifstream(task.path() / "schedstat") >> run_ns;
+    total_s += 1e-9 * run_ns;
+  }
+  return total_s;
+}
+
+/// Lets a process run on one processor, and for a share of the time only, as a slower machine would.
 class Brake {
  public:
-  explicit Brake(pid_t pid) : pid_(pid), thread_([this] { run(); }) {}
-  ~Brake() {
-    ended_ = true;
-    thread_.join();
+  Brake(pid_t pid, double share) : pid_(pid) {
+    sched_getaffinity(pid, sizeof usual_, &usual_);
+    cpu_set_t one;
+    CPU_ZERO(&one);
+    CPU_SET(sched_getcpu(), &one);
+    pin(pid, one);
+    thread_ = std::thread([this, share] { run(share); });
   }
-  void setSpeed(double share) { share_ = share; }
-  double speed() const { return share_; }
+  ~Brake() { release(); }
+  void release() {
+    if (ended_.exchange(true)) return;
+    thread_.join();
+    pin(pid_, usual_);
+  }
 
  private:
-  void run() {
+  void run(double share) {
     constexpr double kPeriod_s = 0.05;
     while (!ended_) {
-      const double share = share_;
       if (share < 1.0) kill(pid_, SIGSTOP);
-      ros::WallDuration((1.0 - share) * kPeriod_s).sleep();
+      ros::WallDuration(std::max(0.0, 1.0 - share) * kPeriod_s).sleep();
       kill(pid_, SIGCONT);
       ros::WallDuration(share * kPeriod_s).sleep();
     }
   }
 
   const pid_t pid_;
-  std::atomic<double> share_{1.0};
+  cpu_set_t usual_;
   std::atomic<bool> ended_{false};
   std::thread thread_;
 };
@@ -82,10 +108,10 @@ class Listener {
   Listener() { subscriber_ = nh_.subscribe("/diagnostics", 100, &Listener::onDiagnostics, this); }
 
   bool saidTooSlow() const { return too_slow_; }
-  /// Longest that data had to wait since the last call [s].
-  double takeLongestWait() {
+  /// What data had to wait since the last call [s].
+  std::vector<double> takeWaits() {
     const std::lock_guard<std::mutex> lock(mutex_);
-    return std::exchange(longest_wait_s_, 0.0);
+    return std::exchange(waits_s_, {});
   }
 
  private:
@@ -95,14 +121,14 @@ class Listener {
         if (entry.value.rfind("too slow: ", 0) == 0) too_slow_ = status.level == status.WARN;
         if (entry.key != "wait of the data [s]") continue;
         const std::lock_guard<std::mutex> lock(mutex_);
-        longest_wait_s_ = std::max(longest_wait_s_, std::stod(entry.value));
+        waits_s_.push_back(std::stod(entry.value));
       }
     }
   }
 
   ros::NodeHandle nh_;
   std::mutex mutex_;
-  double longest_wait_s_ = 0.0;
+  std::vector<double> waits_s_;
   std::atomic<bool> too_slow_{false};
   ros::Subscriber subscriber_;
 };
@@ -152,30 +178,31 @@ TEST_F(TooSlow, UsesFewerDataAndSaysSo) {
   ASSERT_EQ(runCommand("rosrun cocalib simulate --scenario " + ros::package::getPath("cocalib") +
                        "/test/ros/launch_scenario.yaml --duration 40 --bag " + bag_ + " --seed 3"),
             0);
+  const pid_t manager = pidOf("/cocalib/manager");
+  ASSERT_GT(manager, 0);
+  const double before_s = processorTime(manager);
+  const ros::WallTime began = ros::WallTime::now();
   ASSERT_EQ(runCommand(player()), 0);
+  const double load = (processorTime(manager) - before_s) / (ros::WallTime::now() - began).toSec();
   const std::array<Error, 2> usual = errors();
-  listener_.takeLongestWait();
 
   std_srvs::Trigger start;
   ASSERT_TRUE(ros::service::call("/cocalib/start", start) && start.response.success);
-  const pid_t manager = pidOf("/cocalib/manager");
-  ASSERT_GT(manager, 0);
   {
-    Brake brake(manager);
+    Brake brake(manager, 0.5 * load);
     Program player(this->player());
-    // How slow is too slow depends on the machine.
-    for (brake.setSpeed(0.5); !waitFor([&] { return listener_.saidTooSlow(); }, 4.0);
-         brake.setSpeed(0.6 * brake.speed())) {
-      ASSERT_GT(brake.speed(), 0.01);
-    }
-    std::printf("too slow at %.2f of the speed\n", brake.speed());
+    EXPECT_TRUE(waitFor([&] { return listener_.saidTooSlow(); }, 20.0));
     waitFor([] { return false; }, 4.0);  // the backlog from before
-    listener_.takeLongestWait();
+    listener_.takeWaits();
     waitFor([] { return false; }, 10.0);
-    const double wait_s = listener_.takeLongestWait();
-    EXPECT_GT(wait_s, 0.0);
-    EXPECT_LT(wait_s, 1.0);
-    brake.setSpeed(1.0);
+    std::vector<double> waits_s = listener_.takeWaits();
+    ASSERT_GT(waits_s.size(), 5U);
+    std::sort(waits_s.begin(), waits_s.end());
+    std::printf("it needs %.2f processors and had %.2f: waits of %.2f s (median), %.2f s (longest)\n", load, 0.5 * load,
+                waits_s[waits_s.size() / 2], waits_s.back());
+    EXPECT_GT(waits_s.back(), 0.0);
+    EXPECT_LT(waits_s.front(), 1.0) << "the backlog grows";
+    brake.release();
     ASSERT_EQ(player.wait(), 0);
   }
   const std::array<Error, 2> slow = errors();
