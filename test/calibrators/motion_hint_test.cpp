@@ -79,8 +79,7 @@ class WatchedRun {
 
 TEST(MotionHint, NamesTheMissingRotationUntilTheRigIsTilted) {
   sim::Scenario s = sim::loadScenario("cfg/scenarios/planar_then_full.yaml");
-  s.planar_for_s = 16.0;  // half of the scenario's: the mountings are found after 11 s
-  s.duration_s = 23.0;
+  s.duration_s = s.planar_for_s + 7.0;
   constexpr double kLatestS = 4.0;  // after the tilting began: it swells for 1.5 s, and solves come once a second
   WatchedRun run(s);
   int named = 0, changes = 0;
