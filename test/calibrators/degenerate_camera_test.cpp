@@ -74,6 +74,13 @@ TEST(DegenerateCamera, ShiftingWithoutTurningLeavesTheWholeLeverArmOpen) {
   expectOnlyOpen(test::scenarioOf(sim::Motion::kTranslationOnly, 2, 16.0), true, {0, 1, 2}, 10e-3);
 }
 
+// The solver takes noise for a scale, and a lever arm of no known length draws the whole scene to a point.
+TEST(DegenerateCamera, TurningOnTheSpotShowsNoScaleWithoutABoard) {
+  for (const std::uint64_t seed : {4, 6}) {
+    expectOnlyOpen(test::scenarioOf(sim::Motion::kRotationOnly, seed, 20.0), false, {0, 1, 2, 3, 4, 5}, 0.0);
+  }
+}
+
 TEST(DegenerateCamera, StandingStillShowsNothing) {
   for (const bool board : {true, false}) {
     expectOnlyOpen(test::scenarioOf(sim::Motion::kStatic, 1, 10.0), board, {0, 1, 2, 3, 4, 5}, 0.0);
