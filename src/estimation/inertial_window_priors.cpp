@@ -8,6 +8,10 @@ namespace {
 
 // Position [m] and heading [rad] of the first node: fixed, nothing depends on them.
 constexpr double kGaugeSigma = 1e-4;
+constexpr double kUnseenBoard = 1e3;  // m and rad
+// m and rad. Points on one line, or all in one spot, leave a plane's tilt open, and rounding alone would turn such a
+// plane by thousands of radians: one of them makes every step of the whole window fail.
+constexpr double kPlaneStep = 0.1;
 constexpr double kUnknownOutline = 0.05;  // m, 1 sigma, where the rig file gives no plate size
 
 void addDiagonalPrior(ChainSystem* system, int column, double error, double sigma) {
@@ -22,9 +26,9 @@ void addDiagonalPrior(ChainSystem* system, int column, double error, double sigm
 /// Knowledge of what is shared, from before any data. Never part of a marginalization, so that it stays what it was.
 void InertialWindow::addGlobalPriors(const WindowState& state, ChainSystem* system) const {
   using Layout = GlobalLayout;
-  // Board and planes have no prior to speak of; these only keep an unseen one regular.
-  for (int i = 0; i < 6; ++i) addDiagonalPrior(system, Layout::kBoard + i, 0.0, 1e3);
-  for (int i = Layout::kFixed; i < system->globals(); ++i) addDiagonalPrior(system, i, 0.0, 1e3);
+  // Board and planes have no prior to speak of; these only keep an unseen one regular, and pull nowhere.
+  for (int i = 0; i < 6; ++i) addDiagonalPrior(system, Layout::kBoard + i, 0.0, kUnseenBoard);
+  for (int i = Layout::kFixed; i < system->globals(); ++i) addDiagonalPrior(system, i, 0.0, kPlaneStep);
 
   const WindowPriors& prior = params_.priors;
   const Eigen::VectorXd d = globalMinus(state, origin_);
