@@ -130,6 +130,7 @@ void ChainSystem::Elimination::update(std::size_t p) {
 ChainSystem::ChainSystem(int nodes, int globals)
     : H_global(Eigen::MatrixXd::Zero(globals, globals)),
       b_global(Eigen::VectorXd::Zero(globals)),
+      global_damping(Eigen::VectorXd::Zero(globals)),
       diagonal_(static_cast<std::size_t>(nodes), Matrix15d::Zero()),
       off_diagonal_(static_cast<std::size_t>(nodes)),
       coupling_(static_cast<std::size_t>(nodes), RowBlock::Zero(15, globals)),
@@ -208,6 +209,7 @@ bool ChainSystem::eliminate(const std::vector<int>& order, double lambda, Elimin
 bool ChainSystem::solve(double lambda, Step* step) const {
   Elimination e;
   if (!eliminate(eliminationOrder(), lambda, &e)) return false;
+  e.H_global.diagonal() += global_damping;
   const Eigen::LLT<Eigen::MatrixXd> llt(e.H_global);
   if (llt.info() != Eigen::Success) return false;
   const Eigen::Index G = b_global.size();

@@ -8,10 +8,10 @@ namespace {
 
 // Position [m] and heading [rad] of the first node: fixed, nothing depends on them.
 constexpr double kGaugeSigma = 1e-4;
-constexpr double kUnseenBoard = 1e3;  // m and rad
-// m and rad. Points on one line, or all in one spot, leave a plane's tilt open, and rounding alone would turn such a
-// plane by thousands of radians: one of them makes every step of the whole window fail.
-constexpr double kPlaneStep = 0.1;
+constexpr double kUnseen = 1e3;  // m and rad
+// rad. Points on one line, or all in one spot, leave a plane's tilt open, and rounding alone would turn such a plane by
+// thousands of radians: one of them made every step of the whole window fail.
+constexpr double kPlaneTurn = 0.1;
 constexpr double kUnknownOutline = 0.05;  // m, 1 sigma, where the rig file gives no plate size
 
 void addDiagonalPrior(ChainSystem* system, int column, double error, double sigma) {
@@ -27,8 +27,11 @@ void addDiagonalPrior(ChainSystem* system, int column, double error, double sigm
 void InertialWindow::addGlobalPriors(const WindowState& state, ChainSystem* system) const {
   using Layout = GlobalLayout;
   // Board and planes have no prior to speak of; these only keep an unseen one regular, and pull nowhere.
-  for (int i = 0; i < 6; ++i) addDiagonalPrior(system, Layout::kBoard + i, 0.0, kUnseenBoard);
-  for (int i = Layout::kFixed; i < system->globals(); ++i) addDiagonalPrior(system, i, 0.0, kPlaneStep);
+  for (int i = 0; i < 6; ++i) addDiagonalPrior(system, Layout::kBoard + i, 0.0, kUnseen);
+  for (int i = Layout::kFixed; i < system->globals(); ++i) addDiagonalPrior(system, i, 0.0, kUnseen);
+  for (std::size_t i = 0; i < state.planes.size(); ++i) {
+    system->global_damping.segment<2>(Layout::plane(static_cast<int>(i))).setConstant(1.0 / (kPlaneTurn * kPlaneTurn));
+  }
 
   const WindowPriors& prior = params_.priors;
   const Eigen::VectorXd d = globalMinus(state, origin_);

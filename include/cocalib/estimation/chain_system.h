@@ -33,6 +33,7 @@ class ChainSystem {
 
   Eigen::MatrixXd H_global;  ///< both triangles
   Eigen::VectorXd b_global;
+  Eigen::VectorXd global_damping;  ///< what solve() adds to the diagonal of H_global; no information
   double cost = 0.0;  ///< half the sum of squared whitened residuals (robust ones by their loss)
 
   void add(const ChainSystem& other);  ///< of the same nodes and the first of the globals
@@ -43,7 +44,7 @@ class ChainSystem {
     Eigen::VectorXd globals;
     double predicted_decrease = 0.0;
   };
-  /// Levenberg-Marquardt step: H + lambda diag(H). @return false if a pivot is not positive or the step not finite
+  /// Levenberg-Marquardt step: H + lambda diag(H) + damping. @return false if a pivot is not positive or the step not finite
   bool solve(double lambda, Step* step) const;
 
   /// Information H and gradient b of the globals after all nodes are eliminated; false if a pivot is not positive.
