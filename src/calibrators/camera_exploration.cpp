@@ -48,7 +48,8 @@ std::vector<SensorPose> CameraExploration::boardPoses(const std::vector<VisualKe
 }
 
 std::vector<RelativeSensorRotation> CameraExploration::rotations(const std::vector<VisualKeyframe>& frames,
-                                                                 const std::vector<SensorPose>& board_poses) const {
+                                                                 const std::vector<SensorPose>& board_poses) {
+  turns_.erase(turns_.begin(), turns_.lower_bound({frames.front().stamp, 0}));
   std::vector<RelativeSensorRotation> out;
   const auto boardAt = [&](TimeNs stamp) {
     const auto it = std::lower_bound(board_poses.begin(), board_poses.end(), stamp,
@@ -62,8 +63,8 @@ std::vector<RelativeSensorRotation> CameraExploration::rotations(const std::vect
     if (toSeconds(frames[b].stamp - frames[a].stamp) <= kMaxRotationSpan_s) {
       if (pose_a && pose_b) {
         out.push_back({frames[a].stamp, frames[b].stamp, pose_a->T_M_S.q.conjugate() * pose_b->T_M_S.q});
-      } else if (const auto relative = relativeRotation(frames[a].tracks, frames[b].tracks, camera_)) {
-        out.push_back({frames[a].stamp, frames[b].stamp, relative->R_b_a.conjugate()});
+      } else if (const auto& turn = turnBetween(frames[a], frames[b])) {
+        out.push_back({frames[a].stamp, frames[b].stamp, *turn});
       }
     }
     // Overlapping spans: the next begins half-way, where there is a picture.
@@ -71,6 +72,15 @@ std::vector<RelativeSensorRotation> CameraExploration::rotations(const std::vect
     if (toSeconds(frames[b].stamp - frames[a].stamp) > kMaxRotationSpan_s) a = b;
   }
   return out;
+}
+
+const std::optional<Eigen::Quaterniond>& CameraExploration::turnBetween(const VisualKeyframe& a,
+                                                                        const VisualKeyframe& b) {
+  const auto [turn, is_new] = turns_.try_emplace({a.stamp, b.stamp});
+  if (is_new) {
+    if (const auto relative = relativeRotation(a.tracks, b.tracks, camera_)) turn->second = relative->R_b_a.conjugate();
+  }
+  return turn->second;
 }
 
 std::vector<BearingFrame> CameraExploration::bearings(const std::vector<VisualKeyframe>& frames) const {
@@ -90,7 +100,7 @@ std::vector<BearingFrame> CameraExploration::bearings(const std::vector<VisualKe
 }
 
 /// Poses only where the board carries the alignment; tracks have no metric ones.
-SensorMotion CameraExploration::ownMotion(const std::vector<VisualKeyframe>& frames) const {
+SensorMotion CameraExploration::ownMotion(const std::vector<VisualKeyframe>& frames) {
   SensorMotion motion;
   motion.poses = boardPoses(frames);
   motion.position_sigma_m = kBoardPositionSigma_m;
@@ -104,7 +114,7 @@ SensorMotion CameraExploration::ownMotion(const std::vector<VisualKeyframe>& fra
 }
 
 std::optional<Alignment> CameraExploration::align(const ImuBuffer& imu, const std::vector<VisualKeyframe>& frames,
-                                                  std::string* reason) const {
+                                                  std::string* reason) {
   const SensorMotion motion = ownMotion(frames);
   const auto rotation = initializeRotation(imu, motion.rotations, RotationInitializerParams(), reason);
   if (!rotation) return std::nullopt;
@@ -115,7 +125,7 @@ std::optional<Alignment> CameraExploration::align(const ImuBuffer& imu, const st
 
 std::optional<Alignment> CameraExploration::alignOpenly(const ImuBuffer& imu, const std::vector<VisualKeyframe>& frames,
                                                         const std::optional<Pose>& guess_T_imu_camera,
-                                                        std::string* reason) const {
+                                                        std::string* reason) {
   const SensorMotion motion = ownMotion(frames);
   const auto start = openStart(imu, motion, guess_T_imu_camera, reason);
   if (!start) return std::nullopt;

@@ -202,6 +202,7 @@ void VisualInertialCalibrator::reset() {
   m.last_try.reset();
   m.images.clear();
   m.explored.clear();
+  m.exploration.forget();
   m.waiting.clear();
   m.unreported.clear();
   m.solved = 0;

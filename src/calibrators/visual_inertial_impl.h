@@ -3,6 +3,7 @@
 #include <deque>
 #include <string>
 
+#include "cocalib/calibrators/camera_exploration.h"
 #include "cocalib/calibrators/visual_inertial_calibrator.h"
 #include "cocalib/calibrators/window_health.h"
 #include "cocalib/estimation/inertial_window.h"
@@ -25,6 +26,7 @@ struct VisualInertialCalibrator::Impl {
         camera(model),
         board(b),
         tracker(model, FeatureTracker::Params()),
+        exploration(model, b),
         window(windowParams(noise, model, b)) {
     if (!board) return;
     // A search costs as much as twenty tracked pictures; once the window predicts the board there is nothing left to
@@ -68,6 +70,7 @@ struct VisualInertialCalibrator::Impl {
   std::optional<BoardGeometry> board;
   std::optional<BoardDetector> detector;
   FeatureTracker tracker;
+  CameraExploration exploration;
   InertialWindow window;
   ImuInbox inbox;
   bool started = false;

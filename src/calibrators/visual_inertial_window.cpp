@@ -2,7 +2,6 @@
 
 #include <utility>
 
-#include "cocalib/calibrators/camera_exploration.h"
 #include "cocalib/calibrators/window_estimate.h"
 #include "cocalib/calibrators/window_health.h"
 #include "cocalib/calibrators/window_start.h"
@@ -36,7 +35,6 @@ bool VisualInertialCalibrator::Impl::tryToStart() {
   if (last_try && toSeconds(now - *last_try) < kTryPeriod_s / effort) return false;
   last_try = now;
   std::string reason;
-  const CameraExploration exploration(camera, board);
   const std::vector<VisualKeyframe> frames(explored.begin(), explored.end());
   auto alignment = exploration.align(window.imu(), frames, &reason);
   if (!alignment && toSeconds(now - frames.front().stamp) >= kOpenShare * params.initialization_s) {
@@ -110,6 +108,7 @@ void VisualInertialCalibrator::Impl::restart(const std::string& reason) {
   failed.reset();
   last_try.reset();
   explored.clear();
+  exploration.forget();
   unreported.clear();
   solved = 0;
   sayStartingOver(reason, &estimate, &diagnostics);
