@@ -152,7 +152,7 @@ void addHint(const std::string& words, const std::optional<MotionHint>& hint, co
     all->markers.push_back(marker);
   }
   Marker text = makeMarker("status", Marker::TEXT_VIEW_FACING, frames.imu, {});
-  text.pose.position.z = 0.7;
+  text.pose.position.z = 0.9;
   text.scale.z = 0.08;
   text.color.r = text.color.g = text.color.b = 1.0F;
   text.text = words;
