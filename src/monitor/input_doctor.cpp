@@ -100,6 +100,9 @@ void InputDoctor::tick(TimeNs now) {
 
 void InputDoctor::examine() {
   const StreamClock::Summary imu = imu_.summary();
+  examineJump("imu", topics_.imu, imu_);
+  examineJump("camera", topics_.camera, camera_);
+  examineJump("lidar", topics_.lidar, lidar_);
   if (imu_.count() >= kLeastMessages) {
     examineImuRate(imu);
     examineRegularity("imu", topics_.imu, imu);
@@ -140,6 +143,12 @@ void InputDoctor::examineRegularity(const std::string& name, const std::string& 
             "have the driver stamp with the sensor's own clock or a hardware trigger; the clock offset cannot be known "
             "better than that"});
   }
+}
+
+void InputDoctor::examineJump(const std::string& name, const std::string& topic, const StreamClock& clock) {
+  if (clock.jump_s() <= 0.0) return;  // back: everything has started over, and said so
+  report({name + " jump", format("%s: its clock was set ahead by %.3g s", topic.c_str(), clock.jump_s()),
+          "let the clocks settle before a calibration, and have them slewed, not stepped, while it runs (chrony)"});
 }
 
 void InputDoctor::examineClock(const std::string& name, const std::string& topic, double lag_s, double imu_lag_s) {

@@ -7,6 +7,8 @@
 namespace cocalib {
 namespace {
 
+constexpr double kJump_s = 5.0;  // by which messages do not come early or late
+
 /// Value below which `part` of the numbers lie.
 double quantile(std::vector<double> values, double part) {
   if (values.empty()) return 0.0;
@@ -21,6 +23,18 @@ void StreamClock::add(TimeNs stamp, TimeNs received) {
   ++count_;
   newest_.push_back({stamp, received});
   if (newest_.size() > keep_) newest_.pop_front();
+  noteJump();
+}
+
+/// Two messages in a row: a single wrong stamp sets no clock.
+void StreamClock::noteJump() {
+  const std::size_t n = newest_.size();
+  if (n < 3) return;
+  const double before_s = newest_[n - 3].lag_s(), first_s = newest_[n - 2].lag_s(), second_s = newest_[n - 1].lag_s();
+  if (std::abs(first_s - before_s) < kJump_s || std::abs(second_s - before_s) < kJump_s) return;
+  if (std::abs(second_s - first_s) > kJump_s) return;
+  jump_s_ = before_s - second_s;
+  newest_.erase(newest_.begin(), newest_.end() - 2);
 }
 
 StreamClock::Summary StreamClock::summary() const {
@@ -28,8 +42,9 @@ StreamClock::Summary StreamClock::summary() const {
   std::vector<double> intervals, lags;
   std::size_t repeated = 0;
   for (std::size_t i = 0; i < newest_.size(); ++i) {
-    lags.push_back(toSeconds(newest_[i].received - newest_[i].stamp));
+    lags.push_back(newest_[i].lag_s());
     if (i == 0) continue;
+    if (std::abs(lags.back() - newest_[i - 1].lag_s()) > kJump_s) continue;  // to a wrong stamp or back
     const double interval = toSeconds(newest_[i].stamp - newest_[i - 1].stamp);
     if (interval > 0.0)
       intervals.push_back(interval);

@@ -7,6 +7,7 @@
 #include <sensor_msgs/PointCloud2.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -45,7 +46,7 @@ struct Recording {
   bool has_lidar = false;
 
   static Recording ofLidar() {
-    sim::Scenario s = shortDrive();
+    sim::Scenario s = drive();
     s.camera.present = s.board.present = false;
     Recording r(s);
     r.addClouds();
@@ -54,7 +55,7 @@ struct Recording {
   }
   /// @param board  whether the camera sees one
   static Recording ofCamera(bool board = true) {
-    sim::Scenario s = shortDrive();
+    sim::Scenario s = drive();
     s.board.present = board;
     s.camera.rate_hz = 20.0;  // as many as the calibrator takes
     Recording r(s);
@@ -64,7 +65,7 @@ struct Recording {
   }
 
   static Recording ofRig() {
-    sim::Scenario s = shortDrive();
+    sim::Scenario s = drive();
     s.camera.rate_hz = 20.0;
     Recording r(s);
     r.addClouds();
@@ -117,9 +118,10 @@ struct Recording {
       events.push_back(std::move(e));
     }
   }
-  static sim::Scenario shortDrive() {
+  /// A minute where the whole table is asked for: so that what a fault leaves is most of the data.
+  static sim::Scenario drive() {
     sim::Scenario s;
-    s.duration_s = 24.0;
+    s.duration_s = std::getenv("COCALIB_FAULTS") != nullptr ? 60.0 : 24.0;
     return s;
   }
   static Event event(Kind kind, double received_s) { return {received_s, kind, {}, {}, {}, {}}; }

@@ -216,6 +216,19 @@ TEST(InputDoctor, TellsSecondsFromEpochs) {
   expectOnly(recording.examine(), "lidar clock", "chrony");
 }
 
+// The gap in the stamps is no loss, and one wrong stamp sets no clock.
+TEST(InputDoctor, NamesAClockThatIsSetAhead) {
+  InputDoctor doctor({"", "/camera", "/lidar"});
+  for (int tenth = 0; tenth < 80; ++tenth) {
+    const TimeNs now = kStart + tenth * 100'000'000LL;
+    const TimeNs set = tenth > 40 ? 60'000'000'000LL : 0, wrong = tenth == 30 ? 3600'000'000'000LL : 0;
+    doctor.addImage(now + set, now);
+    doctor.addSweep(now + wrong, now, 0.1);
+  }
+  ASSERT_EQ(doctor.findings().size(), 1U);
+  EXPECT_EQ(doctor.findings().front().problem, "/camera: its clock was set ahead by 60 s");
+}
+
 TEST(InputDoctor, NamesPointTimesOfAnotherUnit) {
   Recording recording;
   recording.span_s = 100.0;

@@ -53,6 +53,7 @@ class InputDoctor {
   void examineImuRate(const StreamClock::Summary& imu);
   void examineCamera(const StreamClock::Summary& imu);
   void examineLidar(const StreamClock::Summary& imu);
+  void examineJump(const std::string& name, const std::string& topic, const StreamClock& clock);
   void examineClock(const std::string& name, const std::string& topic, double lag_s, double imu_lag_s);
   void examinePointTimes(double period_s);
 

@@ -17,6 +17,9 @@ class StreamClock {
   /// @param received  on a clock common to all streams: the host's, or the time of recording
   void add(TimeNs stamp, TimeNs received);
   std::size_t count() const { return count_; }
+  /// By how much the stamps have jumped ahead of the time of reception, for good, as when a clock is set; the last such
+  /// jump, 0 if there was none [s]. Back is negative. What came before a jump is not looked at any more.
+  double jump_s() const { return jump_s_; }
 
   /// What the newest messages show; meaningful from some ten messages on.
   struct Summary {
@@ -32,8 +35,12 @@ class StreamClock {
  private:
   struct Arrival {
     TimeNs stamp, received;
+    double lag_s() const { return toSeconds(received - stamp); }
   };
+  void noteJump();
+
   std::size_t keep_, count_ = 0;
+  double jump_s_ = 0.0;
   std::deque<Arrival> newest_;
 };
 
