@@ -51,6 +51,8 @@ class CoCalibrationFuserNodelet : public nodelet::Nodelet {
       subscribers_.push_back(subscribeImages(
           nh, rig_.camera->topic, [session](const sensor_msgs::ImageConstPtr& msg) { session->addImage(msg); },
           [session](const sensor_msgs::CompressedImageConstPtr& msg) { session->addCompressed(msg); }));
+      if (!rig_.camera->model)
+        subscribers_.push_back(nh.subscribe(rig_.camera->info_topic, 5, &FusionSession::addCameraInfo, session));
     }
     if (rig_.lidar) subscribers_.push_back(nh.subscribe(rig_.lidar->topic, 50, &FusionSession::addCloud, session));
     settings_ = std::make_unique<dynamic_reconfigure::Server<CalibrationConfig>>(getPrivateNodeHandle());

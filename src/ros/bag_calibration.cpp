@@ -56,6 +56,7 @@ struct Message {
   sensor_msgs::ImageConstPtr image;
   sensor_msgs::CompressedImageConstPtr compressed;
   sensor_msgs::PointCloud2ConstPtr cloud;
+  sensor_msgs::CameraInfoConstPtr camera_info;
   TimeNs received = 0;
 };
 
@@ -146,6 +147,7 @@ Message BagCalibration::Impl::read(const rosbag::MessageInstance& message) {
       out.cloud = message.instantiate<sensor_msgs::PointCloud2>();
       break;
     case BagInput::Stream::kCameraInfo:
+      out.camera_info = message.instantiate<sensor_msgs::CameraInfo>();
       break;
   }
   return out;
@@ -154,6 +156,7 @@ Message BagCalibration::Impl::read(const rosbag::MessageInstance& message) {
 /// To those who only look.
 void BagCalibration::Impl::show(const Message& message) {
   const TimeNs received = message.received;
+  if (message.camera_info && !rig.camera->model) inspection.addCameraInfo(*message.camera_info);
   if (message.imu) {
     scenes.addImu(*message.imu);
     inspection.addImu(*message.imu, received);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "cocalib/ros/camera_info.h"
 #include "cocalib/ros/conversions.h"
 #include "cocalib/ros/imu_reader.h"
 
@@ -24,6 +25,21 @@ InputInspection::InputInspection(const RigConfig& rig) : rig_(rig), doctor_(topi
 void InputInspection::setCamera(const std::optional<CameraModel>& camera) {
   camera_ = camera;
   if (camera) board_.setPictureSize(camera->width(), camera->height());
+}
+
+void InputInspection::addCameraInfo(const sensor_msgs::CameraInfo& msg) {
+  if (!camera_info_) {
+    std::string problem;
+    if (readCameraInfo(msg, &problem)) camera_info_ = msg;
+    return;
+  }
+  const sensor_msgs::CameraInfo& first = *camera_info_;
+  const bool same = msg.width == first.width && msg.height == first.height && msg.K == first.K && msg.D == first.D &&
+                    msg.distortion_model == first.distortion_model;
+  if (same) return;
+  doctor_.report({"camera_info", rig_.camera->info_topic + ": it has changed while running; the first one is used on",
+                  "keep zoom, focus and resolution as they are; calibrate the lens as it is now, and start again",
+                  Finding::Weight::kError});
 }
 
 void InputInspection::addImu(const sensor_msgs::Imu& msg, TimeNs received) {

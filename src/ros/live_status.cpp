@@ -24,6 +24,11 @@ void LiveStatus::setCamera(const std::optional<CameraModel>& camera) {
   inspection_.setCamera(camera);
 }
 
+void LiveStatus::addCameraInfo(const sensor_msgs::CameraInfo& msg) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  inspection_.addCameraInfo(msg);
+}
+
 void LiveStatus::addImu(const sensor_msgs::Imu& msg) {
   const TimeNs received = now();
   const std::lock_guard<std::mutex> lock(mutex_);

@@ -145,6 +145,14 @@ std::function<void(Recording*)> infoAtFirst(const std::function<void(sensor_msgs
         std::find_if(r->events.begin(), r->events.end(), [](const Event& e) { return e.received_s >= 4.0; }), right);
   };
 }
+/// One more comes, of a camera that has zoomed.
+void zoom(Recording* r) {
+  const auto at = [r](auto&& is) { return std::find_if(r->events.begin(), r->events.end(), is); };
+  Event zoomed = *at([](const Event& e) { return e.kind == kInfo; });
+  zoomed.received_s = kFrom;
+  for (std::size_t i : {0, 4}) zoomed.info.K[i] *= 1.1;
+  r->events.insert(at([](const Event& e) { return e.received_s >= kFrom; }), zoomed);
+}
 /// From the begin to the end.
 void halveInfo(Recording* r) {
   r->change(kInfo, -1.0, 1.0, [](Event* e, int) {
@@ -211,6 +219,7 @@ std::vector<Row> infoAndBoardRows() {
       {"no focal length for 4 s", false, "camera_info", kNewStart_s, Fate::kHonest, infoAtFirst(no_focal_length), 4.0},
       {"camera_info without size", false, "is impossible", kNewStart_s, Fate::kHonest, infoAtFirst(no_size), 4.0},
       {"camera_info of half the size", false, "the camera model is for 376 x 240", kNever_s, Fate::kNone, halveInfo},
+      {"camera_info that changes", true, "it has changed while running", kAtOnce_s, Fate::kAsGood, zoom},
       {"board half hidden", false, "", kAtOnce_s, Fate::kAsGood, each(1, [](Picture* p) { p->seen.board.reset(); })},
       {"two boards", false, "differ in camera", kAtOnce_s, Fate::kHonest, seeTwoBoards},
       {"squares a fifth smaller", false, "differ in camera", kAtOnce_s, Fate::kHonest, [](Recording*) {}, kTo, 0.08},

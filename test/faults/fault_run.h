@@ -106,6 +106,7 @@ imu: {topic: /imu/data, gyroscope_noise_density: 1.745e-4, gyroscope_random_walk
   }
   /// The first one that can be used counts.
   void addInfo(const sensor_msgs::CameraInfo& msg) {
+    inspection_.addCameraInfo(msg);
     if (camera_) return;
     std::string problem;
     const std::optional<CameraModel> model = readCameraInfo(msg, &problem);

@@ -46,6 +46,7 @@ class FusionSession {
   void addLidar(const LidarKeyframeConstPtr& msg);
   void setVisualEstimate(const ExtrinsicEstimateConstPtr& msg);
   void setLidarEstimate(const ExtrinsicEstimateConstPtr& msg);
+  void addCameraInfo(const sensor_msgs::CameraInfoConstPtr& msg) { status_.addCameraInfo(*msg); }
   /// Pictures and sweeps are only shown here, and stamp tf.
   void addImage(const sensor_msgs::ImageConstPtr& msg);
   void addCompressed(const sensor_msgs::CompressedImageConstPtr& msg);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/CompressedImage.h>
 #include <sensor_msgs/Image.h>
 #include <sensor_msgs/Imu.h>
@@ -24,6 +25,8 @@ class InputInspection {
 
   /// @param camera  nothing for a rig without
   void setCamera(const std::optional<CameraModel>& camera);
+  /// Of a rig whose camera model comes from there: the first usable one counts, and is not to change afterwards.
+  void addCameraInfo(const sensor_msgs::CameraInfo& msg);
   void addImu(const sensor_msgs::Imu& msg, TimeNs received);
   void addImage(const sensor_msgs::Image& msg, TimeNs received);
   void addImage(const sensor_msgs::CompressedImage& msg, TimeNs received);
@@ -47,6 +50,7 @@ class InputInspection {
   MotionCoverage motion_;
   BoardCoverage board_;
   std::optional<CameraModel> camera_;
+  std::optional<sensor_msgs::CameraInfo> camera_info_;  // the first usable one
   std::optional<PointCloudReader> reader_;
   int clouds_read_ = 0, clouds_refused_ = 0;
 };

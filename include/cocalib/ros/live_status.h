@@ -23,6 +23,7 @@ class LiveStatus {
   explicit LiveStatus(const RigConfig& rig);
 
   void setCamera(const std::optional<CameraModel>& camera);
+  void addCameraInfo(const sensor_msgs::CameraInfo& msg);
   void addImu(const sensor_msgs::Imu& msg);
   template <typename ImageMsg>
   void addImage(const ImageMsg& msg) {
