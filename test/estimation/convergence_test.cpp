@@ -61,6 +61,15 @@ TEST(Disagreement, NamesTheAxisThatMoved) {
   EXPECT_NE(clock->find("camera clock offset by 0.30 ms"), std::string::npos) << *clock;
 }
 
+TEST(Disagreement, LetsMinutesOfDataDifferByWhatDoesNotMatter) {
+  const CalibrationEstimate all = estimateWith(1e-5, 1e-6, 1e-7);
+  CalibrationEstimate half = estimateWith(1.4e-5, 1.4e-6, 1.4e-7);
+  half.calibration.T_imu_camera.t.x() = 1e-4;
+  EXPECT_FALSE(disagreement(half, all, allRows()));
+  half.calibration.T_imu_camera.t.x() = 1e-3;
+  EXPECT_TRUE(disagreement(half, all, allRows()));
+}
+
 TEST(Disagreement, LetsAWeakStartBeAnywhere) {
   const CalibrationEstimate all = estimateWith(1e-3, 1e-4, 1e-5);
   CalibrationEstimate start = estimateWith(0.5, 0.1, 0.05);

@@ -11,6 +11,7 @@ namespace cocalib {
 /// Compares an estimate from a part of the data with one from all of it. If both covariances are true, their difference
 /// has the covariance P_part - P_all (the part's new information moves the estimate by no more than it says); the same
 /// test, turned round, as two disjoint parts agreeing within their covariances.
+/// A difference of up to some hundredths of a millimetre is always allowed.
 /// @param rows  entries of the 14 parameters that both estimate
 /// @return nothing if they agree (at one false alarm in ten thousand); otherwise the parameter that differs most, in
 /// words
