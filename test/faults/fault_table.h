@@ -70,7 +70,7 @@ inline void print(const std::string& name, const Outcome& o, double recovery_s) 
   }
 }
 
-inline void strike(const Row& row, const Faultless& faultless) {
+inline void expectSurvivedBy(const Row& row, const Faultless& faultless) {
   SCOPED_TRACE(row.name);
   Recording recording = faultless.recording;
   row.strike(&recording);
@@ -98,7 +98,7 @@ inline void strike(const Row& row, const Faultless& faultless) {
 }
 
 /// All rows if they are asked for (scripts/test --faults), otherwise the cheap ones.
-inline void strikeAll(const std::vector<Row>& rows, const Faultless& faultless) {
+inline void expectSurvived(const std::vector<Row>& rows, const Faultless& faultless) {
   print("no fault", faultless.outcome, 0.0);
   ASSERT_TRUE(faultless.outcome.finite);
   ASSERT_EQ(faultless.outcome.estimate.status, Status::kConverged) << faultless.outcome.estimate.message;
@@ -108,7 +108,7 @@ inline void strikeAll(const std::vector<Row>& rows, const Faultless& faultless) 
   }
   const bool all = std::getenv("COCALIB_FAULTS") != nullptr;
   for (const Row& row : rows) {
-    if (row.cheap || all) strike(row, faultless);
+    if (row.cheap || all) expectSurvivedBy(row, faultless);
   }
 }
 

@@ -49,12 +49,12 @@ std::vector<Row> rows() {
       {"lidar silent for 5 s", false, "", kNewStart_s, Fate::kHonest, lose(Kind::kCloud, 13.0), 13.0},
       {"clock set back by a minute", false, "restarts", kNewStart_s, Fate::kHonest, setClock(-60.0), kFrom, 0.10,
        -60.0},
-      {"clock set ahead by a minute", false, "its clock was set ahead by 60 s", kNewStart_s, Fate::kHonest, setClock(60.0),
-       kFrom, 0.10, 60.0},
+      {"clock set ahead by a minute", false, "its clock was set ahead by 60 s", kNewStart_s, Fate::kHonest,
+       setClock(60.0), kFrom, 0.10, 60.0},
   };
 }
 
-TEST(RigFaults, OneByOne) { strikeAll(rows(), Faultless(Recording::ofRig())); }
+TEST(RigFaults, OneByOne) { expectSurvived(rows(), Faultless(Recording::ofRig())); }
 
 }  // namespace
 }  // namespace cocalib::test

@@ -12,10 +12,10 @@
 
 namespace cocalib {
 
-/// From the pictures' measurements to a first mounting of the camera: rotations from the board where it
-/// is seen and from tracks elsewhere, then lever arm, gravity and velocities from board poses, or from tracks. Remembers
-/// what two pictures show of a turn, which costs most: the next attempt has most of its pictures in common with the
-/// last. Not thread-safe.
+/// From the pictures' measurements to a first mounting of the camera: rotations from the board where it is seen and from
+/// tracks elsewhere, then lever arm, gravity and velocities from board poses, or from tracks. Remembers what two
+/// pictures show of a turn, which costs most: the next attempt has most of its pictures in common with the last. Not
+/// thread-safe.
 class CameraExploration {
  public:
   CameraExploration(const CameraModel& camera, const std::optional<BoardGeometry>& board)

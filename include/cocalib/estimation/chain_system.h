@@ -44,7 +44,8 @@ class ChainSystem {
     Eigen::VectorXd globals;
     double predicted_decrease = 0.0;
   };
-  /// Levenberg-Marquardt step: H + lambda diag(H) + damping. @return false if a pivot is not positive or the step not finite
+  /// Levenberg-Marquardt step: H + lambda diag(H) + damping.
+  /// @return false if a pivot is not positive or the step not finite
   bool solve(double lambda, Step* step) const;
 
   /// Information H and gradient b of the globals after all nodes are eliminated; false if a pivot is not positive.
