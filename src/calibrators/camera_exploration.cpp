@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "cocalib/estimation/lever_excitation.h"
 #include "cocalib/visual/board_detector.h"
 #include "cocalib/visual/feature_tracker.h"
 
@@ -15,24 +14,6 @@ constexpr double kMaxRotationSpan_s = 0.3;
 constexpr double kBoardShare = 0.25;  // of the pictures must show the board for it to carry the alignment
 constexpr std::size_t kMinBoardViews = 30;
 constexpr double kBoardPositionSigma_m = 0.01;
-
-/// Whether the IMU has been turned without being shifted, by its own account.
-bool onlyTurns(const ImuBuffer& imu, const RotationInitialization& rotation, const std::vector<BearingFrame>& frames) {
-  constexpr TimeNs kStep = 200'000'000;
-  NavState state;
-  state.gyro_bias = rotation.gyro_bias;
-  state.stamp = std::max(frames.front().stamp, imu.firstStamp());
-  std::vector<NavState> nodes = {state};
-  for (TimeNs stamp = state.stamp + kStep; stamp <= frames.back().stamp; stamp += kStep) {
-    std::vector<ImuSample> samples = imu.slice(nodes.back().stamp, stamp);
-    if (samples.size() < 2) break;
-    const Preintegration segment(std::move(samples), ImuNoise(), rotation.gyro_bias, Eigen::Vector3d::Zero());
-    nodes.push_back(propagate(segment, nodes.back(), 0.0, stamp));  // its gravity is a parabola like any other
-  }
-  InertialChain chain{ImuNoise()};
-  chain.update(nodes, imu);
-  return LeverExcitation().unseen(nodes, chain).scale;
-}
 
 }  // namespace
 
@@ -105,7 +86,6 @@ SensorMotion CameraExploration::ownMotion(const std::vector<VisualKeyframe>& fra
   motion.poses = boardPoses(frames);
   motion.position_sigma_m = kBoardPositionSigma_m;
   motion.rotations = rotations(frames, motion.poses);
-  motion.scale_seen = !motion.poses.empty();
   const double share = static_cast<double>(motion.poses.size()) / static_cast<double>(frames.size());
   if (motion.poses.size() >= kMinBoardViews && share >= kBoardShare) return motion;
   motion.poses.clear();
@@ -135,11 +115,6 @@ std::optional<Alignment> CameraExploration::alignOpenly(const ImuBuffer& imu, co
 std::optional<Alignment> CameraExploration::alignFrom(const ImuBuffer& imu, const SensorMotion& motion,
                                                       const OpenStart& start, std::string* reason) const {
   if (!motion.poses.empty()) return alignFromPoses(imu, start.rotation, motion.poses, start.alignment, reason);
-  // A lever arm of no known length would draw the whole scene to a point, and take the rotation along.
-  if (!motion.scale_seen && onlyTurns(imu, start.rotation, motion.bearings)) {
-    *reason = "the scale does not show while the rig only turns: shift the camera too, speeding up and slowing down";
-    return std::nullopt;
-  }
   return alignFromTracks(imu, start.rotation, motion.bearings, start.alignment, reason);
 }
 

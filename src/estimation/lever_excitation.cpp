@@ -1,15 +1,25 @@
 #include "cocalib/estimation/lever_excitation.h"
 
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 
-#include "credited_motion.h"
+#include "cocalib/inertial/motion_credit.h"
 
 namespace cocalib {
 namespace {
 
-// 2 mrad for 5 s count as turning, 3 mm for 5 s as shifting: then what jitters adds little to what shows.
-constexpr double kEnoughTurning = 2e-3 * 2e-3 * 5.0;     // [rad^2 s]
-constexpr double kEnoughShifting = 0.003 * 0.003 * 5.0;  // [m^2 s]
+constexpr double kEnoughTurning = 2e-3 * 2e-3 * 5.0;  // 2 mrad for 5 s: what jitters adds little [rad^2 s]
+
+MotionCredit creditOf(const std::vector<NavState>& nodes, const InertialChain& chain) {
+  MotionCredit credit(chain.noise());
+  const auto count = std::min<std::size_t>(nodes.size(), static_cast<std::size_t>(chain.size()));
+  for (std::size_t k = 0; k + 1 < count; ++k) {
+    const Preintegration& segment = chain.segment(static_cast<int>(k));
+    if (segment.end() != nodes[k + 1].stamp) break;  // the newest nodes may not be linked yet
+    credit.add(nodes[k], segment);
+  }
+  return credit;
+}
 
 Eigen::Matrix3d meanRotation(const std::vector<NavState>& nodes) {
   Eigen::Matrix3d mean = Eigen::Matrix3d::Zero();
@@ -69,14 +79,14 @@ NullSpace nullSpace(const UnseenLevers& unseen, const LeverLinks& links, const W
 void LeverExcitation::remember(const std::vector<NavState>& nodes, const InertialChain& chain, int dropped) {
   const double all_s = toSeconds(nodes.back().stamp - nodes.front().stamp);
   const double leaving_s = toSeconds(nodes[static_cast<std::size_t>(dropped)].stamp - nodes.front().stamp);
-  const CreditedMotion credited = creditedMotion(nodes, chain);
-  past_turning_ += leaving_s / all_s * credited.turning;
-  past_shifting_ += leaving_s / all_s * credited.shifting;
+  const MotionCredit credit = creditOf(nodes, chain);
+  past_turning_ += leaving_s / all_s * credit.turning();
+  past_shifting_ += leaving_s / all_s * credit.shifting();
 }
 
 UnseenLevers LeverExcitation::unseen(const std::vector<NavState>& nodes, const InertialChain& chain) const {
-  const CreditedMotion credited = creditedMotion(nodes, chain);
-  return {unturned(past_turning_ + credited.turning), past_shifting_ + credited.shifting < kEnoughShifting};
+  const MotionCredit credit = creditOf(nodes, chain);
+  return {unturned(past_turning_ + credit.turning()), past_shifting_ + credit.shifting() < kEnoughShifting};
 }
 
 void blind(const UnseenLevers& unseen, const LeverLinks& links, const WindowState& state, ChainSystem* system) {

@@ -18,7 +18,6 @@ constexpr double kMinGravity = 9.5, kMaxGravity = 10.1;  // [m/s^2] when left fr
 constexpr double kMaxBearingSigma_rad = 0.006;           // 3 px of a common camera: not one rigid scene
 constexpr double kMaxVelocitySigma = 0.1;                // [m/s], or
 constexpr double kMaxVelocityShare = 0.15;               // of the speed: the scale is known to 15 %
-constexpr double kMinSpeed = 0.1;                        // [m/s]: of a rig that only turns the scale does not show
 
 std::string text(const char* format, double value) {
   std::array<char, 256> buffer{};
@@ -50,12 +49,6 @@ std::string doubt(const TrackSolution& solution) {
   }
   double speed = 0.0;
   for (const Eigen::Vector3d& v : solution.velocities) speed += v.squaredNorm() / double(solution.velocities.size());
-  if (std::sqrt(speed) < kMinSpeed) {
-    return text(
-        "the scale does not show while the rig only turns (%.2f m/s): shift the camera too, speeding up and "
-        "slowing down",
-        std::sqrt(speed));
-  }
   if (solution.worst_velocity_sigma > std::max(kMaxVelocitySigma, kMaxVelocityShare * std::sqrt(speed))) {
     return text(
         "the scale is not determined yet (speed known to %.2f m/s only): shift the camera more briskly, "

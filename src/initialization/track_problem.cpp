@@ -2,6 +2,7 @@
 #include <map>
 
 #include "cocalib/geometry/so3.h"
+#include "cocalib/inertial/motion_credit.h"
 #include "cocalib/initialization/track_alignment.h"
 
 namespace cocalib {
@@ -88,6 +89,12 @@ std::optional<TrackProblem> makeTrackProblem(const ImuBuffer& imu, const Rotatio
   for (std::size_t c = 0; covered && c + 1 < problem.chunks.size(); ++c) covered = problem.chunks[c].continues_in_next;
   if (!covered) {
     reason = "the imu does not cover the pictures without a gap: check its rate, and the clocks of both";
+    return std::nullopt;
+  }
+  // A lever arm of no known length would draw the whole scene to a point, and take the rotation along.
+  if (!shiftShows(imu, stamps[problem.chunks.front().begin], stamps[problem.chunks.back().end - 1],
+                  problem.gyro_bias)) {
+    reason = "the scale does not show while the rig only turns: shift the camera too, speeding up and slowing down";
     return std::nullopt;
   }
   chainOrientations(problem);

@@ -15,7 +15,6 @@ struct SensorMotion {
   std::vector<SensorPose> poses;       ///< metric ones; may be empty
   std::vector<BearingFrame> bearings;  ///< in place of poses
   double position_sigma_m = 0.02;
-  bool scale_seen = true;  ///< something of known size has been seen, if seldom
 };
 
 /// From where an alignment can begin.
