@@ -46,7 +46,7 @@ run_thread_part() (
   say "thread sanitizer: the tests of what runs on threads"
   mapfile -t names < <(wanted "${thread_tests[@]}")
   sanitized_package threads "-fsanitize=thread" "${names[@]}"
-  export TSAN_OPTIONS="second_deadlock_stack=1:log_path=$findings_dir/thread"
+  export TSAN_OPTIONS="second_deadlock_stack=1:suppressions=$repo/scripts/thread.supp:log_path=$findings_dir/thread"
   COCALIB_TESTS="_gtest_($(IFS='|'; echo "${names[*]}"))\$" run_tests
   collect_results thread $?
 )
