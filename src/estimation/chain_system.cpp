@@ -40,7 +40,7 @@ struct ChainSystem::Elimination {
 
   /// Which nodes couple in the end.
   void findColumns(const ChainSystem& system, const std::vector<int>& order);
-  void fill(const ChainSystem& system, double lambda);
+  void fill(const ChainSystem& system, double lambda, const Vector15d& damping);
   /// Takes what row `p`, times L^-1, says off the rows that it couples to.
   void update(std::size_t p);
 };
@@ -80,7 +80,7 @@ void ChainSystem::Elimination::findColumns(const ChainSystem& system, const std:
   }
 }
 
-void ChainSystem::Elimination::fill(const ChainSystem& system, double lambda) {
+void ChainSystem::Elimination::fill(const ChainSystem& system, double lambda, const Vector15d& damping) {
   const Eigen::Index G = system.b_global.size();
   for (Row& row : rows) {
     const auto v = static_cast<std::size_t>(row.node);
@@ -89,7 +89,7 @@ void ChainSystem::Elimination::fill(const ChainSystem& system, double lambda) {
     row.data.col(row.width() + G) = system.gradient_[v];
     row.diagonal = system.diagonal_[v];
     row.diagonal.diagonal() *= 1.0 + lambda;
-    row.diagonal.diagonal().array() += kPivotFloor;
+    row.diagonal.diagonal().array() += kPivotFloor + damping.array();
   }
   for (std::size_t i = 0; i < place.size(); ++i) {
     for (const auto& [j, block] : system.off_diagonal_[i]) {
@@ -172,11 +172,12 @@ std::vector<int> ChainSystem::eliminationOrder() const {
   return order;
 }
 
-bool ChainSystem::eliminate(const std::vector<int>& order, double lambda, Elimination* out) const {
+bool ChainSystem::eliminate(const std::vector<int>& order, double lambda, const Vector15d& damping,
+                            Elimination* out) const {
   Elimination& e = *out;
   const Eigen::Index G = b_global.size();
   e.findColumns(*this, order);
-  e.fill(*this, lambda);
+  e.fill(*this, lambda, damping);
   Eigen::Index widest = 0;
   for (const Elimination::Row& row : e.rows) widest = std::max(widest, row.data.cols());
   e.product.resize(15, widest);
@@ -208,7 +209,7 @@ bool ChainSystem::eliminate(const std::vector<int>& order, double lambda, Elimin
 
 bool ChainSystem::solve(double lambda, Step* step) const {
   Elimination e;
-  if (!eliminate(eliminationOrder(), lambda, &e)) return false;
+  if (!eliminate(eliminationOrder(), lambda, node_damping, &e)) return false;
   e.H_global.diagonal() += global_damping;
   const Eigen::LLT<Eigen::MatrixXd> llt(e.H_global);
   if (llt.info() != Eigen::Success) return false;
@@ -235,7 +236,7 @@ bool ChainSystem::solve(double lambda, Step* step) const {
 
 bool ChainSystem::globalInformation(Eigen::MatrixXd* H, Eigen::VectorXd* b) const {
   Elimination e;
-  if (!eliminate(eliminationOrder(), 0.0, &e)) return false;
+  if (!eliminate(eliminationOrder(), 0.0, Vector15d::Zero(), &e)) return false;
   *H = e.H_global;
   *b = e.b_global;
   return H->allFinite() && b->allFinite();
@@ -245,7 +246,7 @@ bool ChainSystem::marginalizeFront(int count, Marginal* marginal) const {
   std::vector<int> order(static_cast<std::size_t>(count));
   std::iota(order.begin(), order.end(), 0);
   Elimination e;
-  if (!eliminate(order, 0.0, &e)) return false;
+  if (!eliminate(order, 0.0, Vector15d::Zero(), &e)) return false;
 
   // Only nodes that the eliminated ones touched are part of the prior; all other blocks are untouched copies.
   const auto nodes_there = static_cast<std::size_t>(nodes());

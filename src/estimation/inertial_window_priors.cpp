@@ -33,6 +33,8 @@ void InertialWindow::addGlobalPriors(const WindowState& state, ChainSystem* syst
     system->global_damping.segment<2>(Layout::plane(static_cast<int>(i))).setConstant(1.0 / (kPlaneTurn * kPlaneTurn));
   }
 
+  holdUnmeasuredWay(system);
+
   const WindowPriors& prior = params_.priors;
   const Eigen::VectorXd d = globalMinus(state, origin_);
   addDiagonalPrior(system, Layout::kGravity, d[Layout::kGravity], prior.gravity);
@@ -52,6 +54,19 @@ void InertialWindow::addGlobalPriors(const WindowState& state, ChainSystem* syst
     addDiagonalPrior(system, Layout::kOutline + i, d[Layout::kOutline + i],
                      plate_given ? prior.outline_m : kUnknownOutline);
   }
+}
+
+/// Along a corridor, or before a single wall, nothing measures the way, and so neither a tilt of the world with which
+/// the rig would be speeding up along it. Left alone that tilt swings by degrees from solve to solve, which the
+/// marginalized prior does not survive, and rounding makes the information indefinite. Both hold without pulling
+/// anywhere: steps of all nodes are damped, and the newest node is near where it is believed to be.
+void InertialWindow::holdUnmeasuredWay(ChainSystem* system) {
+  constexpr double kSpeedStep = 1.0;                             // [m/s]
+  constexpr double kNewestPosition = 10.0, kNewestSpeed = 10.0;  // [m, m/s]
+  system->node_damping.segment<3>(6).setConstant(1.0 / (kSpeedStep * kSpeedStep));
+  Matrix15d& newest = system->diagonal(system->nodes() - 1);
+  newest.diagonal().head<3>().array() += 1.0 / (kNewestPosition * kNewestPosition);
+  newest.diagonal().segment<3>(6).array() += 1.0 / (kNewestSpeed * kNewestSpeed);
 }
 
 /// The first node's prior; it goes into the first marginalization.

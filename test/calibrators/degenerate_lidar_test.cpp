@@ -1,5 +1,6 @@
 // Motion that leaves a part of the mounting open, and no guess: what is open is flagged and held, what is not is found.
 #include "calibrators/degenerate_motion.h"
+#include "cocalib/calibrators/cocalibration_fuser.h"
 #include "cocalib/calibrators/lidar_inertial_calibrator.h"
 #include "cocalib/sim/imu.h"
 #include "cocalib/sim/lidar.h"
@@ -77,6 +78,40 @@ TEST(DegenerateLidar, ACorridorHidesOnlyTheWayAlongIt) {
   test::expectOnlyOpen(estimate.lidar, estimate.calibration.T_imu_lidar.minus(s.lidar.T_imu_lidar()), {}, 10e-3);
   s.motion = sim::Motion::kPlanar;
   expectOnlyOpen(s, {2});
+}
+
+// Which tilt of the world is that of a rig that does not speed up along the corridor, nothing tells. It must not swing.
+TEST(DegenerateLidar, TheTiltThatACorridorHidesDoesNotSpoilTheJointEstimate) {
+  sim::Scenario s = test::scenarioOf(sim::Motion::kFull, 9, 14.0);
+  s.place = sim::Place::kCorridor;
+  s.board.present = false;
+  s.lidar.time_offset_s = -0.015;
+  const sim::Scene scene(s);
+  const sim::Trajectory trajectory(s);
+  LidarInertialCalibrator calibrator(LidarInertialParams(), test::noiseOf(s), std::nullopt);
+  FuserInputs inputs;
+  inputs.lidar = true;
+  CoCalibrationFuser fuser(FuserParams(), test::noiseOf(s), inputs);
+  for (const ImuSample& sample : sim::simulateImu(s, trajectory)) {
+    calibrator.addImu(sample);
+    fuser.addImu(sample);
+  }
+  sim::Scenario other_noise = s;  // on the same motion: noise that let it swing
+  other_noise.seed = 102;
+  int estimates = 0;
+  for (int k = 0; k < sim::scanCount(s); ++k) {
+    const LidarScan scan = sim::simulateScan(other_noise, scene, trajectory, k).scan;
+    for (LidarKeyframe& keyframe : calibrator.addScan(scan)) fuser.addLidar(std::move(keyframe));
+    fuser.setLidarEstimate(calibrator.estimate());
+    if (!fuser.wantsSolve() || !fuser.solve()) continue;
+    const CalibrationEstimate estimate = fuser.estimate();
+    ASSERT_TRUE(estimate.lidar.valid) << estimate.message;
+    const Vector6d error = estimate.calibration.T_imu_lidar.minus(s.lidar.T_imu_lidar());
+    EXPECT_LT(error.cwiseQuotient(estimate.lidar.sigma).cwiseAbs().maxCoeff(), 4.0) << "after " << 0.1 * k << " s";
+    ++estimates;
+  }
+  EXPECT_GE(estimates, 8);
+  EXPECT_EQ(fuser.diagnostics().counts["restarts after failure"], 0U);
 }
 
 }  // namespace

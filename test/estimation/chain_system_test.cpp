@@ -63,6 +63,30 @@ TEST(ChainSystem, SolvesAsTheDenseProblem) {
   EXPECT_NEAR(step.predicted_decrease, -0.5 * problem.b.dot(dense), 1e-6 * step.predicted_decrease);
 }
 
+TEST(ChainSystem, DampingShortensStepsAndInformsOfNothing) {
+  const Problem problem = chainWithTracks();
+  ChainSystem damped = problem.system;
+  damped.node_damping.segment<3>(6).setConstant(50.0);
+  damped.global_damping.setConstant(20.0);
+  ChainSystem::Step step;
+  ASSERT_TRUE(damped.solve(0.0, &step));
+  Eigen::MatrixXd H = problem.H;
+  for (int i = 0; i < kNodes; ++i) H.diagonal().segment<3>(15 * i + 6).array() += 50.0;
+  H.diagonal().tail(kGlobals).array() += 20.0;
+  const Eigen::VectorXd dense = -H.ldlt().solve(problem.b);
+  for (int i = 0; i < kNodes; ++i) {
+    EXPECT_LT((step.nodes[static_cast<std::size_t>(i)] - dense.segment<15>(15 * i)).norm(), 1e-7 * dense.norm());
+  }
+  EXPECT_LT((step.globals - dense.tail(kGlobals)).norm(), 1e-7 * dense.norm());
+
+  Eigen::MatrixXd H_damped, H_own;
+  Eigen::VectorXd b_damped, b_own;
+  ASSERT_TRUE(damped.globalInformation(&H_damped, &b_damped));
+  ASSERT_TRUE(problem.system.globalInformation(&H_own, &b_own));
+  EXPECT_EQ(H_damped, H_own);
+  EXPECT_EQ(b_damped, b_own);
+}
+
 TEST(ChainSystem, GlobalInformationIsTheSchurComplement) {
   const Problem problem = chainWithTracks();
   Eigen::MatrixXd H;

@@ -33,7 +33,8 @@ class ChainSystem {
 
   Eigen::MatrixXd H_global;  ///< both triangles
   Eigen::VectorXd b_global;
-  Eigen::VectorXd global_damping;  ///< what solve() adds to the diagonal of H_global; no information
+  Eigen::VectorXd global_damping;              ///< what solve() adds to the diagonal of H_global; no information
+  Vector15d node_damping = Vector15d::Zero();  ///< the same for every node's diagonal
   double cost = 0.0;  ///< half the sum of squared whitened residuals (robust ones by their loss)
 
   void add(const ChainSystem& other);  ///< of the same nodes and the first of the globals
@@ -62,7 +63,7 @@ class ChainSystem {
 
  private:
   struct Elimination;
-  bool eliminate(const std::vector<int>& order, double lambda, Elimination* out) const;
+  bool eliminate(const std::vector<int>& order, double lambda, const Vector15d& damping, Elimination* out) const;
   /// Nodes with few neighbours first: states between feature frames cost little then.
   std::vector<int> eliminationOrder() const;
 

@@ -126,6 +126,7 @@ class InertialWindow {
   void build(const WindowState& state, int end_node, ChainSystem* system);
   void addGlobalPriors(const WindowState& state, ChainSystem* system) const;
   void holdAccelBias(const WindowState& state, ChainSystem* system) const;
+  static void holdUnmeasuredWay(ChainSystem* system);
   void addFirstPrior(const WindowState& state, ChainSystem* system) const;
   void addCalibrationPrior(const WindowState& state, ChainSystem* system) const;
   void learnImuNoise();
