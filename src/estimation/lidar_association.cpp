@@ -76,6 +76,28 @@ class ViewCone {
   float cosine_;  // of the cone's half angle; from within the sphere everything is seen
 };
 
+/// Which edge of the plate a row of beams leaves it over: index in WindowState::outline; -1: near a corner, or over
+/// none. A row that runs almost along an edge tells where that edge is all the better, as long as it does cross it.
+/// @param hit_B, gap_B  middle and step from the last beam on the plate to the first beyond, in the plate's plane
+int edgeCrossed(const Eigen::Vector3d& hit_B, const Eigen::Vector3d& gap_B, const Eigen::Vector4d& outline) {
+  constexpr double kNear_m = 0.1, kCorner_m = 0.05;
+  constexpr double kLeastSlant = 0.1;  // of the step; flatter ones may as well lead back onto the plate
+  int found = -1;
+  double nearest = kNear_m;
+  for (int i = 0; i < 4; ++i) {
+    const double distance = std::abs(hit_B[i / 2] - outline[i]);
+    if (distance >= nearest) continue;
+    nearest = distance;
+    found = i;
+  }
+  if (found < 0) return -1;
+  const int axis = found / 2, other = 1 - axis;
+  const double clear = kCorner_m + 0.5 * std::abs(gap_B[other]);
+  if (hit_B[other] < outline[2 * other] + clear || hit_B[other] > outline[2 * other + 1] - clear) return -1;
+  const double outwards = found % 2 == 1 ? gap_B[axis] : -gap_B[axis];
+  return outwards > kLeastSlant * gap_B.head<2>().norm() ? found : -1;
+}
+
 void addPoint(const Eigen::Vector3d& p_L, const Eigen::Vector3d& ray_L, double range2, double variance,
               PlanePoints* points) {
   const Eigen::Vector4d h = p_L.homogeneous();
@@ -269,18 +291,9 @@ void LidarGroup::linkEdges(const WindowState& state, const InertialChain& chain,
     const Pose T_B_L = state.T_W_B.inverse() * lidarPose(state, chain, edge.node, edge.stamp).T_W_S;
     const Eigen::Vector3d hit_B = T_B_L * (range * edge.bearing_L);
     const Eigen::Vector3d gap_B = T_B_L.q * (range * (beyond - on_bearing));
-    double nearest = 0.1;  // farther than this from every edge: not a crossing of the outline
-    int found = -1;
-    for (int i = 0; i < 4; ++i) {
-      const double distance = std::abs(hit_B[i / 2] - state.outline[i]);
-      // Beams that run along an edge say little about it, and cross the other one.
-      if (distance > nearest || std::abs(gap_B[i / 2]) < 0.5 * gap_B.head<2>().norm()) continue;
-      nearest = distance;
-      found = i;
-    }
-    if (found < 0) continue;
-    edge.outline = found;
-    edge.sigma_m = std::hypot(kUniform * gap_B[found / 2], kFootprint);
+    edge.outline = edgeCrossed(hit_B, gap_B, state.outline);
+    if (edge.outline < 0) continue;
+    edge.sigma_m = std::hypot(kUniform * gap_B[edge.outline / 2], kFootprint);
     scan->edges.push_back(edge);
   }
 }

@@ -137,6 +137,19 @@ TEST(DegenerateFuser, PlanarMotionKeepsTheLidarAgainstTheCamera) {
   test::expectOnlyOpen(estimate.lidar_camera, estimate.calibration.T_lidar_camera().minus(error_base), {}, 3e-3);
 }
 
+// The plate's upper and lower edge are crossed at a flat angle only, and they alone tell how it slides along the
+// others.
+TEST(DegenerateFuser, SoDoesShiftingWithoutTurning) {
+  const sim::Scenario s = test::scenarioOf(sim::Motion::kTranslationOnly, 1, 20.0);
+  const CalibrationEstimate estimate = jointEstimateOf(s);
+  EXPECT_EQ(estimate.status, Status::kUnobservable) << estimate.message;
+  const Pose camera = s.camera.T_imu_camera(), lidar = s.lidar.T_imu_lidar();
+  test::expectOnlyOpen(estimate.camera, estimate.calibration.T_imu_camera.minus(camera), {0, 1, 2}, 5e-3);
+  test::expectOnlyOpen(estimate.lidar, estimate.calibration.T_imu_lidar.minus(lidar), {0, 1, 2}, 5e-3);
+  const Pose error_base = lidar.inverse() * camera;
+  test::expectOnlyOpen(estimate.lidar_camera, estimate.calibration.T_lidar_camera().minus(error_base), {}, 3e-3);
+}
+
 TEST(DegenerateFuser, StandingStillIsRelayed) {
   const CalibrationEstimate estimate = jointEstimateOf(test::scenarioOf(sim::Motion::kStatic, 1, 12.0));
   EXPECT_EQ(estimate.status, Status::kUnobservable);
