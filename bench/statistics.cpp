@@ -1,6 +1,7 @@
 #include "statistics.h"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <boost/math/distributions/chi_squared.hpp>
 #include <cmath>
 #include <cstdio>
@@ -112,6 +113,21 @@ std::string Statistics::neesLine(const char* what, const std::vector<int>& rows)
               boost::math::quantile(chi, 0.025) / trials, boost::math::quantile(chi, 0.975) / trials);
 }
 
+std::string Statistics::tailLine() const {
+  constexpr double kNormalTail = 0.0027;  // of a normal variable, beyond three sigma
+  std::vector<double> ratios;
+  for (std::size_t k = 0; k < errors_.size(); ++k) {
+    for (const int i : estimated()) ratios.push_back(std::abs(errors_[k][i]) / std::sqrt(covariances_[k](i, i)));
+    for (int i = 0; i < 6 && camera_ && lidar_; ++i) {
+      ratios.push_back(std::abs(lidar_camera_errors_[k][i]) / std::sqrt(lidar_camera_covariances_[k](i, i)));
+    }
+  }
+  const auto beyond = std::count_if(ratios.begin(), ratios.end(), [](double ratio) { return ratio > 3.0; });
+  return line("largest error: %.2f sigma; %ld of %zu are beyond 3 (of normal numbers %.1f would be)\n",
+              *std::max_element(ratios.begin(), ratios.end()), static_cast<long>(beyond), ratios.size(),
+              kNormalTail * static_cast<double>(ratios.size()));
+}
+
 std::string Statistics::table() const {
   if (errors_.empty()) return name_ + ": no trial\n";
   std::string text = line("\n%s, %zu trials\n%-16s %10s %10s %10s %10s\n", name_.c_str(), errors_.size(), "", "mean",
@@ -147,6 +163,7 @@ std::string Statistics::table() const {
   if (camera_) text += neesLine("camera (7)", {0, 1, 2, 3, 4, 5, 12});
   if (lidar_) text += neesLine("lidar (7)", {6, 7, 8, 9, 10, 11, 13});
   if (camera_ && lidar_) text += neesLine("all (14)", estimated());
+  text += tailLine();
   return text;
 }
 

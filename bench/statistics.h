@@ -19,7 +19,8 @@ class Statistics {
   /// Squared error over covariance of the trial added last, over all parameters estimated.
   double newestNees() const;
 
-  /// RMSE, mean sigma and their ratio for each parameter, norms over three axes, NEES with its 95 % band.
+  /// RMSE, mean sigma and their ratio for each parameter, norms over three axes, NEES with its 95 % band, and
+  /// how many errors are beyond three sigma.
   std::string table() const;
 
  private:
@@ -30,6 +31,7 @@ class Statistics {
   Norms lidarCameraNorms() const;
   double nees(std::size_t trial, const std::vector<int>& rows) const;
   std::string neesLine(const char* what, const std::vector<int>& rows) const;
+  std::string tailLine() const;
   std::vector<int> estimated() const;
 
   std::string name_;
