@@ -27,12 +27,13 @@ sensor_msgs::PointCloud2Ptr toCloudMsg(const DeskewedCloud& cloud, const std::ve
   sensor_msgs::PointCloud2Modifier modifier(*msg);
   using sensor_msgs::PointField;
   modifier.setPointCloud2Fields(6, "x", 1, PointField::FLOAT32, "y", 1, PointField::FLOAT32, "z", 1,
-                                PointField::FLOAT32, "distance", 1, PointField::FLOAT32, "plane", 1, PointField::INT16,
+                                PointField::FLOAT32, "distance", 1, PointField::FLOAT32, "plane", 1, PointField::INT32,
                                 "calibration_version", 1, PointField::UINT32);
+  if (cloud.points_W.empty()) return msg;  // an iterator may not even be made over no points
   modifier.resize(cloud.points_W.size());
   sensor_msgs::PointCloud2Iterator<float> xyz(*msg, "x");
   sensor_msgs::PointCloud2Iterator<float> distance(*msg, "distance");
-  sensor_msgs::PointCloud2Iterator<std::int16_t> plane(*msg, "plane");
+  sensor_msgs::PointCloud2Iterator<std::int32_t> plane(*msg, "plane");
   sensor_msgs::PointCloud2Iterator<std::uint32_t> version(*msg, "calibration_version");
   std::size_t written = 0;
   for (std::size_t i = 0; i < cloud.points_W.size(); ++i) {
@@ -40,7 +41,7 @@ sensor_msgs::PointCloud2Ptr toCloudMsg(const DeskewedCloud& cloud, const std::ve
     if (!p.allFinite()) continue;
     for (int axis = 0; axis < 3; ++axis) xyz[axis] = p[axis];
     *distance = i < distances.size() ? distances[i] : -1.0F;
-    *plane = i < cloud.plane.size() ? cloud.plane[i] : std::int16_t{-1};
+    *plane = i < cloud.plane.size() ? cloud.plane[i] : -1;
     *version = cloud.calibration_version;
     ++xyz, ++distance, ++plane, ++version, ++written;
   }
@@ -53,6 +54,7 @@ sensor_msgs::PointCloud2Ptr toCloudMsg(const std::vector<Eigen::Vector3f>& point
   sensor_msgs::PointCloud2Ptr msg = emptyCloud(stamp, world_frame);
   sensor_msgs::PointCloud2Modifier modifier(*msg);
   modifier.setPointCloud2FieldsByString(1, "xyz");
+  if (points_W.empty()) return msg;
   modifier.resize(points_W.size());
   sensor_msgs::PointCloud2Iterator<float> xyz(*msg, "x");
   std::size_t written = 0;

@@ -68,12 +68,14 @@ class CalibrateBag : public testing::Test {
       sensor_msgs::PointCloud2Modifier modifier(cloud);
       modifier.setPointCloud2FieldsByString(1, "xyz");
       modifier.resize(points);
-      sensor_msgs::PointCloud2Iterator<float> x(cloud, "x");
-      for (int k = 0; k < points; ++k, ++x) {
-        const double azimuth = 2.0 * M_PI * k / points;
-        x[0] = static_cast<float>(4.0 * std::cos(azimuth));
-        x[1] = static_cast<float>(-4.0 * std::sin(azimuth));
-        x[2] = static_cast<float>(0.1 * (k % 16));
+      if (points > 0) {  // an iterator may not even be made over no points
+        sensor_msgs::PointCloud2Iterator<float> x(cloud, "x");
+        for (int k = 0; k < points; ++k, ++x) {
+          const double azimuth = 2.0 * M_PI * k / points;
+          x[0] = static_cast<float>(4.0 * std::cos(azimuth));
+          x[1] = static_cast<float>(-4.0 * std::sin(azimuth));
+          x[2] = static_cast<float>(0.1 * (k % 16));
+        }
       }
       bag.write(cloud_topic, cloud.header.stamp, cloud);
     }
