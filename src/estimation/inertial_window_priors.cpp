@@ -32,7 +32,6 @@ void InertialWindow::addGlobalPriors(const WindowState& state, ChainSystem* syst
   for (std::size_t i = 0; i < state.planes.size(); ++i) {
     system->global_damping.segment<2>(Layout::plane(static_cast<int>(i))).setConstant(1.0 / (kPlaneTurn * kPlaneTurn));
   }
-
   holdUnmeasuredWay(system);
 
   const WindowPriors& prior = params_.priors;
