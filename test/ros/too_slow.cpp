@@ -67,7 +67,8 @@ double processorTime(pid_t pid) {
   return total_s;
 }
 
-/// Lets a process run on one processor, and for a share of the time only, as a slower machine would.
+/// Lets a process run on one processor, and use a share of its time only, as a slower machine would. What other
+/// processes take of that processor is not counted against it.
 class Brake {
  public:
   Brake(pid_t pid, double share) : pid_(pid) {
@@ -87,13 +88,19 @@ class Brake {
 
  private:
   void run(double share) {
-    constexpr double kPeriod_s = 0.05;
+    constexpr double kStep_s = 0.01, kMostSaved_s = 0.05;
+    double used_s = processorTime(pid_), left_s = 0.0;
+    ros::WallTime last = ros::WallTime::now();
     while (!ended_) {
-      if (share < 1.0) kill(pid_, SIGSTOP);
-      ros::WallDuration(std::max(0.0, 1.0 - share) * kPeriod_s).sleep();
-      kill(pid_, SIGCONT);
-      ros::WallDuration(share * kPeriod_s).sleep();
+      ros::WallDuration(kStep_s).sleep();
+      const ros::WallTime now = ros::WallTime::now();
+      const double use_s = processorTime(pid_);
+      left_s = std::min(left_s + share * (now - last).toSec() - (use_s - used_s), share * kMostSaved_s);
+      used_s = use_s;
+      last = now;
+      kill(pid_, left_s > 0.0 ? SIGCONT : SIGSTOP);
     }
+    kill(pid_, SIGCONT);
   }
 
   const pid_t pid_;
