@@ -31,7 +31,7 @@ sanitized_package() {
   build "$@"
 }
 
-# Address and undefined behaviour: every test, the nodelets in the stock manager, which must load the sanitizers first. They
+# Address and undefined behaviour: the tests, the nodelets in the stock manager, which must load the sanitizers first. They
 # need ten times their time then: the drive of calibrate_launch is played at a tenth of its pace, and what judges the
 # nodelets by the clock is left out.
 run_address_part() (

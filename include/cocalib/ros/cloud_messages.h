@@ -10,7 +10,8 @@
 namespace cocalib {
 
 /// A deskewed sweep in the world frame: x, y, z and distance (float32, m), plane (int32 number, -1: none) and
-/// calibration_version (uint32, the same for all points of a cloud): 24 bytes, all of them aligned. Points that are not finite are left out.
+/// calibration_version (uint32, the same for all points of a cloud): 24 bytes, all of them aligned. Points that are not
+/// finite are left out.
 /// @param distances  of each point to its plane [m], -1: none
 sensor_msgs::PointCloud2Ptr toCloudMsg(const DeskewedCloud& cloud, const std::vector<float>& distances,
                                        const std::string& world_frame);
