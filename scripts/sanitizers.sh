@@ -32,16 +32,14 @@ sanitized_package() {
 }
 
 # Address and undefined behaviour: the tests, the nodelets in the stock manager, which must load the sanitizers first. They
-# need ten times their time then: the drive of calibrate_launch is played at a tenth of its pace, and what judges the
-# nodelets by the clock is left out.
+# need ten times their time then: recordings are played to them at a tenth of their pace.
 run_address_part() (
   say "address and undefined behaviour sanitizers: all tests"
   sanitized_package cocalib "-fsanitize=address,undefined,float-cast-overflow -fno-sanitize-recover=all" all tests
   export ASAN_OPTIONS="detect_leaks=0:new_delete_type_mismatch=0:log_path=$findings_dir/address"
   export UBSAN_OPTIONS="print_stacktrace=1:log_path=$findings_dir/undefined"
   export COCALIB_LAUNCH_PREFIX="env LD_PRELOAD=$(g++ -print-file-name=libasan.so):$(g++ -print-file-name=libubsan.so)"
-  export COCALIB_TEST_RATE=0.1
-  live_tests_left_out="control|going_on|too_slow"
+  export COCALIB_TEST_PACE=0.1
   run_tests
   collect_results address $?
 )

@@ -85,11 +85,9 @@ TEST(CalibrateLaunch, BagEndsByItselfWithTfAndResultAndGoesOnFromIt) {
   ASSERT_EQ(runCommand("rosrun cocalib simulate --scenario " + scenario + " --bag " + here + "/in.bag --seed 3"), 0);
 
   Listener listener;
-  const char* pace = std::getenv("COCALIB_TEST_RATE");  // for builds that sanitizers have made slow
-  const std::string rate = pace != nullptr ? pace : "1";
   const auto launch = [&](const std::string& arguments) {
     return runCommand("timeout -s INT 600 roslaunch cocalib calibrate.launch rviz:=false rig:=" + here +
-                      "/in.rig.yaml bag:=" + here + "/in.bag rate:=" + rate + " " + arguments + " < /dev/null");
+                      "/in.rig.yaml bag:=" + here + "/in.bag rate:=" + std::to_string(test::pace()) + " " + arguments + " < /dev/null");
   };
   ASSERT_EQ(launch("output:=" + here + "/result"), 0);
   listener.stop();

@@ -25,6 +25,7 @@
 namespace cocalib {
 namespace {
 
+using test::playerOf;
 using test::runCommand;
 using test::waitFor;
 
@@ -43,8 +44,7 @@ class Control : public testing::Test {
   }
 
   void play(const std::string& bag) const {
-    ASSERT_EQ(runCommand("ROS_NAMESPACE=/cocalib timeout 100 rosrun cocalib play_bag --rig " + rig_ + " --bag " + bag),
-              0);
+    ASSERT_EQ(runCommand(playerOf(rig_, bag)), 0);
   }
   std::string call(const std::string& service, bool expected = true) const {
     std_srvs::Trigger trigger;

@@ -27,6 +27,8 @@
 namespace cocalib {
 namespace {
 
+using test::pace;
+using test::playerOf;
 using test::poseOf;
 using test::Program;
 using test::waitFor;
@@ -94,7 +96,7 @@ class GoingOn : public testing::Test {
   /// The first message on a topic, for one who subscribes now.
   template <typename Msg>
   boost::shared_ptr<const Msg> lateOn(const std::string& topic) {
-    return ros::topic::waitForMessage<Msg>("/cocalib/" + topic, nh_, ros::Duration(5.0));
+    return ros::topic::waitForMessage<Msg>("/cocalib/" + topic, nh_, ros::Duration(5.0 / pace()));
   }
 
   ros::NodeHandle nh_;
@@ -118,7 +120,7 @@ TEST_F(GoingOn, ThroughRestartsAndLoops) {
   simulate();
   {
     SCOPED_TRACE("each calibrator restarted while the fuser goes on");
-    Program player("ROS_NAMESPACE=/cocalib rosrun cocalib play_bag --rig " + rig_ + " --bag " + bag_);
+    Program player(playerOf(rig_, bag_));
     ASSERT_TRUE(waitFor([&] { return bothKnown(); }, 30.0));
     restartNodelet("lidar_inertial", "LidarInertialCalibrator");
     restartNodelet("visual_inertial", "VisualInertialCalibrator");
@@ -152,7 +154,7 @@ TEST_F(GoingOn, ThroughRestartsAndLoops) {
     SCOPED_TRACE("the fuser restarted, and the recording in a loop: every pass is a run of its own");
     restartNodelet("fuser", "CoCalibrationFuser");
     forgetEstimate();  // the new one has said nothing yet
-    Program player("rosbag play --quiet --loop --duration 15 " + bag_ + " < /dev/null");
+    Program player("rosbag play --quiet --loop --duration 15 --rate " + std::to_string(pace()) + " " + bag_ + " < /dev/null");
     ASSERT_TRUE(waitFor(
         [] {
           std_srvs::Trigger trigger;
