@@ -53,11 +53,13 @@ void WorldMotion::addNode(Eigen::Index at, const NavState& now, const NavState& 
 
 void WorldMotion::addPlane(Eigen::Index at, const Plane& now, const Plane& base) {
   const Eigen::Matrix<double, 3, 2> B_now = planeBasis(now.normal), B_base = planeBasis(base.normal);
-  const Eigen::Vector3d s = first_now_ - Q_t_.transpose() * first_base_;  // where A takes the origin
-  const Plane moved = {Q_t_ * now.normal, now.offset_m - now.normal.dot(s)};
-  const Eigen::Vector3d rest = minus(moved, base);
+  // All places as seen from the anchor, about which the tangents turn.
+  const Eigen::Vector3d first_now = first_now_ - base.anchor, first_base = first_base_ - base.anchor;
+  const Eigen::Vector3d s = first_now - Q_t_.transpose() * first_base;  // where A takes the anchor
+  const Plane moved = {Q_t_ * now.normal, -now.distance(base.anchor) - now.normal.dot(s)};
+  const Eigen::Vector3d rest = minus(moved, {base.normal, -base.distance(base.anchor)});
   d_.segment<2>(at) = B_base.transpose() * theta_ + rest.head<2>();
-  d_[at + 2] = base.normal.dot(shift_) + rest[2];
+  d_[at + 2] = base.normal.dot(first_now - first_base - theta_.cross(first_base)) + rest[2];
 
   Eigen::Matrix3d D = Eigen::Matrix3d::Identity();
   // The two bases are functions of the normals and may differ by a quarter turn where the normals hardly do.
@@ -67,7 +69,7 @@ void WorldMotion::addPlane(Eigen::Index at, const Plane& now, const Plane& base)
   U_.block<2, 3>(at, 3) = B_base.transpose() * (J_theta_ - Q_t_);
   U_.block<1, 3>(at + 2, 0) = (base.normal - now.normal).transpose();
   U_.block<1, 3>(at + 2, 3) =
-      now.normal.cross(s - first_now_).transpose() - first_base_.cross(base.normal).transpose() * J_theta_;
+      now.normal.cross(s - first_now).transpose() - first_base.cross(base.normal).transpose() * J_theta_;
 }
 
 Eigen::MatrixXd WorldMotion::pullBack(const Eigen::MatrixXd& H) const {

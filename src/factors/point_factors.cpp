@@ -54,6 +54,7 @@ PlaneMomentResidual planeMoment(const Pose& T_W_L, const Plane& plane_W, const P
 Eigen::Matrix<double, 4, 3> planeTangent(const Plane& plane_W) {
   Eigen::Matrix<double, 4, 3> J = Eigen::Matrix<double, 4, 3>::Zero();
   J.block<3, 2>(0, 0) = -hat(plane_W.normal) * planeBasis(plane_W.normal);
+  J.block<1, 2>(3, 0) = plane_W.anchor.transpose() * J.block<3, 2>(0, 0);
   J(3, 2) = 1.0;
   return J;
 }

@@ -16,13 +16,16 @@ Eigen::Matrix<double, 3, 2> planeBasis(const Eigen::Vector3d& normal) {
 
 Plane plus(const Plane& plane, const Eigen::Vector3d& delta) {
   const Eigen::Vector3d rotation = planeBasis(plane.normal) * delta.head<2>();
-  return {(expSo3(rotation) * plane.normal).normalized(), plane.offset_m + delta[2]};
+  Plane out = plane;
+  out.normal = (expSo3(rotation) * plane.normal).normalized();
+  out.offset_m = out.normal.dot(plane.anchor) - plane.distance(plane.anchor) + delta[2];
+  return out;
 }
 
 Eigen::Vector3d minus(const Plane& plane, const Plane& base) {
   const Eigen::Vector3d rotation = logSo3(Eigen::Quaterniond::FromTwoVectors(base.normal, plane.normal));
   Eigen::Vector3d delta;
-  delta << planeBasis(base.normal).transpose() * rotation, plane.offset_m - base.offset_m;
+  delta << planeBasis(base.normal).transpose() * rotation, base.distance(base.anchor) - plane.distance(base.anchor);
   return delta;
 }
 

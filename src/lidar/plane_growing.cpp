@@ -186,6 +186,7 @@ Plane fitPlane(const PointMoments& moments) {
   Plane plane;
   plane.normal = principalAxes(moments).axes.col(0);
   plane.offset_m = plane.normal.dot(moments.mean);
+  plane.anchor = moments.mean;
   return pointedOutward(plane);
 }
 

@@ -49,6 +49,7 @@ Plane regress(const PointMoments& moments, int axis) {
   plane.normal[v] = (S(u, v) * S(axis, u) - S(u, u) * S(axis, v)) / determinant;
   plane.normal.normalize();
   plane.offset_m = plane.normal.dot(moments.mean);
+  plane.anchor = moments.mean;
   return pointedOutward(plane);
 }
 

@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <utility>
+
 #include "cocalib/estimation/observability.h"
 #include "estimation/simulated_window.h"
 
@@ -102,6 +105,34 @@ TEST(InertialWindow, FindsTheLidarFromUnknownPlanes) {
   EXPECT_LT(sim.error().segment<3>(6).norm(), 3e-3);
   EXPECT_LT(sim.error().segment<3>(9).norm(), 1e-3);
   EXPECT_LT(nees(&sim, false), 24.3);
+}
+
+/// What a rig finds that has been driven this far from where it started: error and covariance, after a marginalization.
+std::pair<Vector14d, Matrix14d> foundAt(const Eigen::Vector3d& place, SimulatedWindow::Use use) {
+  use.place = place;
+  SimulatedWindow sim(scenario(5.0, 3), use);
+  sim.solve();
+  EXPECT_TRUE(sim.window().marginalizeBefore(sim.trajectory().stampOf(2.5)));
+  sim.window().relink(Relink::kNewScans, 0.0);
+  sim.window().optimize(8);
+  Matrix14d P;
+  EXPECT_TRUE(sim.window().calibrationCovariance(&P));
+  return {sim.error(), P};
+}
+
+TEST(InertialWindow, ADriveOfAHundredKilometersChangesNothing) {
+  const Eigen::Vector3d far(80e3, -60e3, 500.0);  // whole voxels, so that the same points share one
+  SimulatedWindow::Use both = corners();
+  both.lidar = true;
+  for (const SimulatedWindow::Use& use : {tracks(), lidar(), both}) {
+    const auto [near_error, near_P] = foundAt(Eigen::Vector3d::Zero(), use);
+    const auto [far_error, far_P] = foundAt(far, use);
+    for (int i = 0; i < 14; ++i) {
+      const double sigma = std::sqrt(near_P(i, i));
+      EXPECT_NEAR(far_error[i], near_error[i], 0.1 * sigma) << i;
+      EXPECT_NEAR(std::sqrt(far_P(i, i)), sigma, 0.02 * sigma) << i;
+    }
+  }
 }
 
 TEST(InertialWindow, MarginalizationKeepsWhatWasKnown) {

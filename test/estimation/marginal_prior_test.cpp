@@ -17,6 +17,7 @@ struct Fixture {
     for (int i = 0; i < kPlanes; ++i) {
       state.planes[static_cast<std::size_t>(i)].normal = Eigen::Vector3d::Unit(i);
       state.planes[static_cast<std::size_t>(i)].offset_m = 1.0 + i;
+      state.planes[static_cast<std::size_t>(i)].anchor << 0.5 * i, 2.0 - i, 1.0;
     }
     marginal.kept = {3};  // of which three are dropped: node 0 now
     const Eigen::Index size = 15 + GlobalLayout::size(kPlanes);

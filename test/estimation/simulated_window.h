@@ -19,13 +19,15 @@ class SimulatedWindow {
  public:
   struct Use {
     bool corners = false, tracks = false, lidar = false;
-    double assumed_imu_noise = 1.0;  // over the simulated one
+    double assumed_imu_noise = 1.0;                     // over the simulated one
+    Eigen::Vector3d place = Eigen::Vector3d::Zero();  // of the simulated world's origin in the window's [m]
   };
   SimulatedWindow(const sim::Scenario& scenario, const Use& use)
       : scenario_(scenario),
         scene_(scenario),
         trajectory_(scenario),
         random_(scenario.seed, sim::Random::Stream::kTexture, 77),
+        place_(use.place),
         window_(params(scenario, use)) {
     for (const ImuSample& sample : sim::simulateImu(scenario_, trajectory_)) window_.imu().push(sample);
     truth_.T_imu_camera = scenario.camera.T_imu_camera();
@@ -98,13 +100,16 @@ class SimulatedWindow {
     Vector15d d = Vector15d::Zero();
     d.head<6>() = noise6(0.01, 0.003);
     d.segment<3>(6) = 0.02 * random_.normal3();
-    return plus(trajectory_.stateAt(stamp), d);
+    NavState state = plus(trajectory_.stateAt(stamp), d);
+    state.T_W_I.t += place_;
+    return state;
   }
 
   sim::Scenario scenario_;
   sim::Scene scene_;
   sim::Trajectory trajectory_;
   sim::Random random_;
+  Eigen::Vector3d place_;
   Calibration truth_;
   InertialWindow window_;
 };

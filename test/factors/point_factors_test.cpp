@@ -65,7 +65,7 @@ Cloud someCloud(double weight) {
   return cloud;
 }
 
-const Plane kPlane{Eigen::Vector3d(1.0, -2.0, 0.5).normalized(), 1.5};
+const Plane kPlane{Eigen::Vector3d(1.0, -2.0, 0.5).normalized(), 1.5, {3.0, 0.5, -1.0}};
 
 TEST(PlaneMoment, EqualsTheSumOverItsPoints) {
   const Cloud cloud = someCloud(4.0);
