@@ -123,6 +123,10 @@ void Scenario::validate() const {
   requireRange("gravity", gravity, 9.7, 9.9, "m/s^2");
   requireRange("ramp", ramp_s, 0.5, 60.0, "s");
   requireRange("planar_for", planar_for_s, 0.0, 36000.0, "s");
+  requireRange("parked_after", parked_after_s, 0.0, 36000.0, "s");
+  if (parked_after_s > 0.0 && place == Place::kBuilding) {
+    throw std::invalid_argument("'parked_after' must be 0 in a building, through which the rig is driven on and on");
+  }
   validateImu(imu);
   if (camera.present) validateCamera(camera);
   validateLidar(lidar);

@@ -209,6 +209,7 @@ Scenario readScenario(const YAML::Node& root) {
   block.read("gravity", scenario.gravity);
   block.read("ramp", scenario.ramp_s);
   block.read("planar_for", scenario.planar_for_s);
+  block.read("parked_after", scenario.parked_after_s);
   block.readChoice(
       "place", scenario.place,
       {{"room", Place::kRoom}, {"corridor", Place::kCorridor}, {"wall", Place::kWall}, {"building", Place::kBuilding}});

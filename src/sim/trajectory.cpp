@@ -61,6 +61,7 @@ Trajectory::Trajectory(const Scenario& scenario)
     : epoch_(scenario.epoch),
       ramp_s_(scenario.ramp_s),
       planar_for_s_(scenario.planar_for_s),
+      parked_after_s_(scenario.parked_after_s),
       driven_(scenario.place == Place::kBuilding) {
   const AxisTable& table = scenario.motion == Motion::kMild ? mildTable() : fullTable();
   const std::array<bool, 6> moved = movedAxes(scenario.motion);
@@ -85,6 +86,13 @@ Eigen::Vector3d Trajectory::ramp(double t) const {
   const double first = 630.0 * q * q * q * q;
   const double second = 2520.0 * q * q * q * (1.0 - 2.0 * u);
   return {value, first / ramp_s_, second / (ramp_s_ * ramp_s_)};
+}
+
+Eigen::Vector3d Trajectory::fade(double t, const Eigen::Vector3d& swell) const {
+  if (parked_after_s_ <= 0.0) return swell;
+  const Eigen::Vector3d left = Eigen::Vector3d::UnitX() - ramp(t - parked_after_s_);
+  return {left[0] * swell[0], left[1] * swell[0] + left[0] * swell[1],
+          left[2] * swell[0] + 2.0 * left[1] * swell[1] + left[0] * swell[2]};
 }
 
 Eigen::Vector3d Trajectory::axis(int index, double t, const Eigen::Vector3d& ramp, int derivatives) const {
@@ -118,7 +126,7 @@ void Trajectory::addDrive(double t, const Eigen::Vector3d& ramp, Axes* axes) con
 }
 
 Trajectory::Axes Trajectory::axes(double t, int derivatives) const {
-  const Eigen::Vector3d swell = ramp(t), late_swell = ramp(t - planar_for_s_);
+  const Eigen::Vector3d swell = fade(t, ramp(t)), late_swell = fade(t, ramp(t - planar_for_s_));
   Axes axes;
   for (int i = 0; i < 6; ++i) {
     const bool planar = i < 2 || i == 5;

@@ -9,14 +9,15 @@ namespace {
 
 // Central differences over 1e-4 s: truncation under 1e-6 with rates up to 7 rad/s, rounding under 1e-7 for the second
 // one.
-TEST(Trajectory, DerivativesMatchDifferencesAlsoWhileTheMotionSwells) {
+TEST(Trajectory, DerivativesMatchDifferencesAlsoWhileTheMotionSwellsAndFades) {
   for (const std::uint64_t seed : {1U, 7U}) {
     Scenario scenario;
     scenario.seed = seed;
     scenario.planar_for_s = 9.0;
+    scenario.parked_after_s = 10.0;
     const Trajectory trajectory(scenario);
     constexpr double h = 1e-4;
-    for (const double t : {-0.05, 0.2, 0.75, 1.4, 1.6, 9.3, 10.6, 55.0}) {
+    for (const double t : {-0.05, 0.2, 0.75, 1.4, 1.6, 9.3, 10.2, 10.9, 55.0}) {
       const Trajectory::Kinematics k = trajectory.at(t);
       const Pose before = trajectory.T_W_I(t - h), after = trajectory.T_W_I(t + h);
       EXPECT_LT(((after.t - before.t) / (2 * h) - k.v_W).norm(), 1e-5) << t;
@@ -99,6 +100,18 @@ TEST(Trajectory, PlanarAtFirstIsFullLater) {
     EXPECT_EQ(late.bodyRate(t).head<2>().norm(), 0.0);
   }
   for (double t = 12.0 + scenario.ramp_s; t < 20.0; t += 0.37) EXPECT_EQ(late.bodyRate(t), full.bodyRate(t));
+}
+
+TEST(Trajectory, AParkedRigStands) {
+  Scenario scenario;
+  const Trajectory moving(scenario);
+  scenario.parked_after_s = 12.0;
+  const Trajectory parked(scenario);
+  for (double t = 0.0; t <= 12.0; t += 0.37) EXPECT_EQ(parked.bodyRate(t), moving.bodyRate(t));
+  for (double t = 12.0 + scenario.ramp_s; t < 20.0; t += 0.37) {
+    EXPECT_EQ(parked.velocity(t).norm() + parked.bodyRate(t).norm(), 0.0);
+    EXPECT_EQ(parked.T_W_I(t).t, restPosition());
+  }
 }
 
 TEST(Trajectory, SeedsMoveDifferently) {

@@ -44,11 +44,13 @@ class Trajectory {
   Axes axes(double t, int derivatives) const;
   Eigen::Vector3d axis(int index, double t, const Eigen::Vector3d& ramp, int derivatives) const;
   Eigen::Vector3d ramp(double t) const;
+  /// A swell with its first two derivatives, until the rig is parked.
+  Eigen::Vector3d fade(double t, const Eigen::Vector3d& swell) const;
   /// Adds the way through the building to x, y and yaw; nothing in a room.
   void addDrive(double t, const Eigen::Vector3d& ramp, Axes* axes) const;
 
   TimeNs epoch_;
-  double ramp_s_, planar_for_s_;
+  double ramp_s_, planar_for_s_, parked_after_s_;
   bool driven_;
   std::array<std::vector<Sinusoid>, 6> sinusoids_;
 };
