@@ -55,13 +55,14 @@ void WindowRecord::takeMeasurements() {
   }
 }
 
-void WindowRecord::solveRound(Relink what, double slack_m, int iterations, std::size_t points) {
+bool WindowRecord::solveRound(Relink what, double slack_m, int iterations, std::size_t points) {
   window_.relink(what, slack_m, points);
   if (window_.optimize(iterations).failed) {
     ++failed_solves_;
-  } else {
-    window_.learnNoise();
+    return false;
   }
+  window_.learnNoise();
+  return true;
 }
 
 /// Turns the oldest part into a prior, about states and calibration that fit all of the record.
@@ -78,9 +79,9 @@ bool WindowRecord::solve(const Calibration& start, const std::function<void(doub
   if (progress) progress(0.0);
   solveRound(Relink::kNewPlanes, kStartSlack_m, kFirstIterations, kFirstPoints);
   if (progress) progress(0.4);
-  solveRound(Relink::kAllScans, 0.0, kLastIterations, LidarGroup::kAllPoints);
+  const bool solved = solveRound(Relink::kAllScans, 0.0, kLastIterations, LidarGroup::kAllPoints);
   if (progress) progress(1.0);
-  return true;
+  return solved;
 }
 
 void WindowRecord::reset() {

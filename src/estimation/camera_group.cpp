@@ -12,7 +12,7 @@ namespace cocalib {
 
 void CameraGroup::addFrame(const VisualKeyframe& keyframe) {
   const int index = frames();
-  frames_.push_back({keyframe.stamp, -1, keyframe.board});
+  frames_.push_back({keyframe.stamp, -1, keyframe.board, std::nullopt});
   for (const TrackObservation& track : keyframe.tracks) {
     const auto newest = newest_of_.find(track.id);
     auto landmark = newest == newest_of_.end() ? landmarks_.end() : landmarks_.find(newest->second);
@@ -51,6 +51,9 @@ void CameraGroup::relink(const WindowState& state, const InertialChain& chain) {
   const TimeNs offset = toNs(state.calibration.camera_time_offset_s);
   for (Frame& frame : frames_) frame.node = nodeAt(state.nodes, frame.stamp + offset);
   const std::vector<TimedSensorPose> poses = cameraPoses(state, chain);
+  for (std::size_t i = 0; i < frames_.size(); ++i) {
+    if (!frames_[i].weight) frames_[i].weight = repeats_.next(poses[i].T_W_S);
+  }
   std::size_t observations = 0, consistent = 0;
   for (auto& entry : landmarks_) {
     Landmark& landmark = entry.second;
@@ -110,15 +113,16 @@ void CameraGroup::addBoard(const WindowState& state, int frame, Sums* sums, Chai
                                    params_.corner_sigma_px, params_.camera);
     if (!f_px) continue;
     const RobustWeight robust = huber(f_px->r.squaredNorm(), params_.gate_sigmas);
+    const double weight = *frames_[f].weight * robust.weight;
     const Eigen::Matrix<double, 2, 6> J_B = f_px->J_point * pointJacobian(state.T_W_B, p_B);
-    const Eigen::Matrix<double, 6, 2> wJ_c = robust.weight * f_px->J_pose.transpose();
-    const Eigen::Matrix<double, 6, 2> wJ_B = robust.weight * J_B.transpose();
+    const Eigen::Matrix<double, 6, 2> wJ_c = weight * f_px->J_pose.transpose();
+    const Eigen::Matrix<double, 6, 2> wJ_B = weight * J_B.transpose();
     sums->H[f].noalias() += wJ_c * f_px->J_pose;
     sums->b[f].noalias() += wJ_c * f_px->r;
     H_cB.noalias() += wJ_c * J_B;
     H_BB.noalias() += wJ_B * J_B;
     b_B.noalias() += wJ_B * f_px->r;
-    sums->cost += robust.cost;
+    sums->cost += *frames_[f].weight * robust.cost;
     sums->corner_square_px += 0.5 * f_px->r.squaredNorm() * params_.corner_sigma_px * params_.corner_sigma_px;
     ++sums->corners;
   }

@@ -128,13 +128,21 @@ void CameraGroup::addLandmark(Landmark* landmark, Sums* sums) const {
   if (!view(*landmark, *sums->poses, &views)) return;
   weigh(&views);
   const RobustWeight robust = studentT(views.squared, views.degrees(), params_.track_freedom);
-  if (!eliminate(robust.weight, landmark, sums)) return;
-  sums->cost += robust.cost;
+  const double repeated = weightOf(views);
+  if (!eliminate(repeated * robust.weight, landmark, sums)) return;
+  landmark->cost = repeated * robust.cost;
+  sums->cost += landmark->cost;
   sums->track_noise.add(views.times_s, views.places, views.r, robust.weight);
   sums->track_noise.addWhitened(views.squared, expectedWeighed(views.degrees(), params_.track_freedom), robust.weight);
   const double px2 = params_.track_noise.sigma_px * params_.track_noise.sigma_px;
   for (const Eigen::Vector2d& r : views.r) sums->track_square_px += 0.5 * px2 * r.squaredNorm();
   sums->track_observations += views.r.size();
+}
+
+double CameraGroup::weightOf(const Views& views) const {
+  double sum = 0.0;
+  for (const int frame : views.frames) sum += *frames_[static_cast<std::size_t>(frame)].weight;
+  return sum / static_cast<double>(views.frames.size());
 }
 
 void CameraGroup::weigh(Views* views) const {
@@ -202,12 +210,24 @@ void CameraGroup::moveLandmarks(const ChainSystem::Step& step) {
   for (auto& entry : landmarks_) {
     Landmark& l = entry.second;
     l.previous = l.uv_rho;
+    l.previous_cost = l.cost;
     if (!l.eliminated) continue;
     Eigen::Vector3d rhs = l.gradient;
     for (const auto& [frame, W] : l.W) rhs.noalias() += W.transpose() * moved[static_cast<std::size_t>(frame)];
     l.uv_rho -= l.V_inverse * rhs;
     l.uv_rho.z() = std::max(l.uv_rho.z(), kMinInverseDepth);
   }
+}
+
+bool CameraGroup::revertWorseLandmarks() {
+  bool any = false;
+  for (auto& entry : landmarks_) {
+    Landmark& l = entry.second;
+    if (!l.eliminated || l.cost <= l.previous_cost) continue;
+    l.uv_rho = l.previous;
+    any = true;
+  }
+  return any;
 }
 
 void CameraGroup::revertLandmarks() {

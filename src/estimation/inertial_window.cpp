@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <thread>
 
 #include "cocalib/visual/board_detector.h"
@@ -15,6 +16,7 @@ namespace {
 constexpr double kFirstLambda = 1e-10, kMinLambda = 1e-12, kMaxLambda = 1e8;
 constexpr double kNegligible = 1e-2;  // decrease of the cost: a seventh of a sigma of one parameter
 constexpr double kInvisible = 1e-3;
+constexpr double kWorthwhile = 1.0;  // who cannot take a step that should bring more has not solved anything
 constexpr double kMinKnown = 0.9;  // share of the points on planes, over what it was when the planes were found
 
 }  // namespace
@@ -203,6 +205,28 @@ void InertialWindow::build(const WindowState& state, int end_node, ChainSystem* 
   if (unseen.directions.cols() == 3) holdAccelBias(state, system);
 }
 
+/// Goes to where a step leads, unless the cost there is more than `most`. @param next  the system there; empty at first
+bool InertialWindow::take(const ChainSystem::Step& step, double most, ChainSystem* next) {
+  const WindowState candidate = state_.plus(step);
+  if (camera_) camera_->moveLandmarks(step);
+  build(candidate, -1, next);
+  const auto fits = [&] { return next->cost <= most; };  // never true of NaN
+  if (!fits() && camera_ && camera_->revertWorseLandmarks()) {
+    *next = ChainSystem(next->nodes(), next->globals());
+    build(candidate, -1, next);
+  }
+  if (fits()) {
+    state_ = candidate;
+    return true;
+  }
+  if (camera_) {  // what it keeps for back-substitution must be that of the state we return to
+    camera_->revertLandmarks();
+    ChainSystem again(next->nodes(), next->globals());
+    build(state_, -1, &again);
+  }
+  return false;
+}
+
 InertialWindow::Summary InertialWindow::optimize(int max_iterations) {
   Summary summary;
   const int nodes = static_cast<int>(state_.nodes.size());
@@ -212,6 +236,8 @@ InertialWindow::Summary InertialWindow::optimize(int max_iterations) {
   solved_.reset();
   summary.first_cost = summary.last_cost = system.cost;
   double lambda = kFirstLambda;
+  bool taken = false;
+  double refused = std::numeric_limits<double>::infinity();  // what the first step in vain was to bring
   while (summary.iterations < max_iterations && lambda < kMaxLambda) {
     ChainSystem::Step step;
     if (!system.solve(lambda, &step)) {
@@ -220,31 +246,25 @@ InertialWindow::Summary InertialWindow::optimize(int max_iterations) {
     }
     ++summary.iterations;
     if (step.predicted_decrease < kInvisible) {  // not worth a look at what it really brings
+      taken = true;
       state_ = state_.plus(step);
       if (camera_) camera_->moveLandmarks(step);
       break;
     }
-    const WindowState candidate = state_.plus(step);
-    if (camera_) camera_->moveLandmarks(step);
     ChainSystem next(nodes, globals);
-    build(candidate, -1, &next);
-    if (!(next.cost <= system.cost * (1.0 + 1e-9))) {  // negated, so that NaN is refused too
+    if (!take(step, system.cost * (1.0 + 1e-9), &next)) {
       lambda = std::max(10.0 * lambda, 1e-4);
-      if (camera_) {  // what it keeps for back-substitution must be that of the state we return to
-        camera_->revertLandmarks();
-        ChainSystem again(nodes, globals);
-        build(state_, -1, &again);
-      }
+      if (std::isinf(refused)) refused = step.predicted_decrease;
       continue;
     }
+    taken = true;
     const double decrease = system.cost - next.cost;
-    state_ = candidate;
     system = std::move(next);
     lambda = std::max(0.1 * lambda, kMinLambda);
     if (decrease < kNegligible && step.predicted_decrease < kNegligible) break;
   }
   summary.last_cost = system.cost;
-  summary.failed = lambda >= kMaxLambda;
+  summary.failed = !taken && refused > kWorthwhile;
   solved_ = std::move(system);
   return summary;
 }

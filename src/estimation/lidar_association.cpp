@@ -157,8 +157,18 @@ void LidarGroup::fillMap(const WindowState& state, const InertialChain& chain, i
   }
 }
 
+void LidarGroup::weigh(const WindowState& state, const InertialChain& chain) {
+  for (Scan& scan : scans_) {
+    if (scan.weight) continue;
+    const double half_s = scan.raw->points.empty() ? 0.0 : 0.5 * scan.raw->points.back().offset_s;
+    const TimeNs middle = scan.raw->stamp + toNs(half_s);
+    scan.weight = repeats_.next(lidarPose(state, chain, lidarNode(state, middle), middle).T_W_S);
+  }
+}
+
 void LidarGroup::link(const WindowState& state, const InertialChain& chain, const PlaneMap& map, int first_scan,
                       double slack_m, bool board_known, std::size_t points) {
+  weigh(state, chain);
   const auto linkFrom = [&](std::size_t first, std::size_t stride) {
     for (std::size_t s = first; s < scans_.size(); s += stride) {
       Scan& scan = scans_[s];
@@ -268,7 +278,7 @@ void LidarGroup::linkScan(const WindowState& state, const InertialChain& chain, 
         scan->square_m2 += distance * distance;
         ++scan->points;
       }
-      addPoint(p_L, per_range * p_L, range2, variance, sums);
+      addPoint(p_L, per_range * p_L, range2, variance / *scan->weight, sums);
     });
     if (!bin.planes.empty() || bin.board_points > 0) scan->bins.push_back(std::move(bin));
   };
@@ -294,6 +304,7 @@ void LidarGroup::linkEdges(const WindowState& state, const InertialChain& chain,
     edge.outline = edgeCrossed(hit_B, gap_B, state.outline);
     if (edge.outline < 0) continue;
     edge.sigma_m = std::hypot(kUniform * gap_B[edge.outline / 2], kFootprint);
+    edge.weight = *scan->weight;
     scan->edges.push_back(edge);
   }
 }

@@ -86,18 +86,19 @@ void LidarGroup::accumulateEdge(const WindowState& state, const InertialChain& c
   const int e = GlobalLayout::kOutline + edge.outline;
   Eigen::Matrix<double, 1, 7> J_globals;  // board pose, then this edge
   J_globals << f->J_board, f->J_edge;
-  const Vector6d wJ = robust.weight * f->J_pose.transpose();
+  const double weight = edge.weight * robust.weight;
+  const Vector6d wJ = weight * f->J_pose.transpose();
   scatterPose(pose, edge.node, kL, wJ * f->J_pose, wJ * f->r, system);
   scatterPoseGlobal<6>(pose, edge.node, kL, wJ * f->J_board, kB, system);
   scatterPoseGlobal<1>(pose, edge.node, kL, wJ * f->J_edge, e, system);
-  const Eigen::Matrix<double, 7, 7> H = robust.weight * J_globals.transpose() * J_globals;
+  const Eigen::Matrix<double, 7, 7> H = weight * J_globals.transpose() * J_globals;
   system->H_global.block<6, 6>(kB, kB) += H.topLeftCorner<6, 6>();
   system->H_global.block<6, 1>(kB, e) += H.topRightCorner<6, 1>();
   system->H_global.block<1, 6>(e, kB) += H.bottomLeftCorner<1, 6>();
   system->H_global(e, e) += H(6, 6);
-  system->b_global.segment<6>(kB) += robust.weight * f->r * f->J_board.transpose();
-  system->b_global[e] += robust.weight * f->r * f->J_edge;
-  system->cost += robust.cost;
+  system->b_global.segment<6>(kB) += weight * f->r * f->J_board.transpose();
+  system->b_global[e] += weight * f->r * f->J_edge;
+  system->cost += edge.weight * robust.cost;
 }
 
 void LidarGroup::dropFront(int end_node, TimeNs from) {

@@ -23,7 +23,8 @@ class WindowRecord {
   /// measurements between them. To be called before `live` forgets them.
   void take(const InertialWindow& live, TimeNs until);
 
-  /// Solves for everything. @param progress called with 0..1; may be empty. @return false if there is too little
+  /// Solves for everything. @param progress called with 0..1; may be empty. @return false if there is too little, or no
+  /// step made it better: its state is worth nothing then
   bool solve(const Calibration& start, const std::function<void(double)>& progress);
 
   const InertialWindow& window() const { return window_; }
@@ -33,7 +34,7 @@ class WindowRecord {
 
  private:
   void takeMeasurements();
-  void solveRound(Relink what, double slack_m, int iterations, std::size_t points);
+  bool solveRound(Relink what, double slack_m, int iterations, std::size_t points);
   void shorten(const Calibration& start);
 
   InertialWindow window_;

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "cocalib/estimation/inertial_chain.h"
+#include "cocalib/estimation/repeat_weight.h"
 #include "cocalib/estimation/track_noise.h"
 #include "cocalib/factors/timed_sensor_pose.h"
 #include "cocalib/sensors/camera_model.h"
@@ -47,6 +48,9 @@ class CameraGroup {
   /// Moves the landmarks by the step that solved the last accumulated system; revertLandmarks() takes it back.
   void moveLandmarks(const ChainSystem::Step& step);
   void revertLandmarks();
+  /// Takes it back for those landmarks alone that fit worse for it, as the last accumulate() has found: a point whose
+  /// views hardly differ may go anywhere, and no damping of the poses holds it. @return whether there are any
+  bool revertWorseLandmarks();
   /// Forgets everything that accumulate(.., end_node, ..) used, and renumbers the nodes.
   void dropFront(int end_node);
 
@@ -78,6 +82,7 @@ class CameraGroup {
     TimeNs stamp = 0;
     int node = -1;
     std::optional<BoardObservation> board;
+    std::optional<double> weight;  // see RepeatWeight; set by the first relink()
   };
   struct Observation {
     int frame;
@@ -94,7 +99,10 @@ class CameraGroup {
     Eigen::Matrix3d V_inverse;
     Eigen::Vector3d gradient;
     std::vector<std::pair<int, Eigen::Matrix<double, 6, 3>>> W;  // by frame
+    double cost = 0.0;
+    // Before the last move.
     Eigen::Vector3d previous;
+    double previous_cost = 0.0;
   };
   struct Sums;
 
@@ -109,6 +117,8 @@ class CameraGroup {
   /// Applies the noise, which observations share.
   void weigh(Views* views) const;
   void addLandmark(Landmark* landmark, Sums* sums) const;
+  /// Mean weight of the frames that saw a landmark.
+  double weightOf(const Views& views) const;
   /// Eliminates the landmark whose views `sums` hold, and adds what they then say of the poses.
   bool eliminate(double weight, Landmark* landmark, Sums* sums) const;
 
@@ -117,6 +127,7 @@ class CameraGroup {
   std::map<std::uint64_t, Landmark> landmarks_;       // ordered, so that sums repeat to the bit
   std::map<std::uint32_t, std::uint64_t> newest_of_;  // newest landmark of each track
   std::uint64_t next_landmark_ = 0;
+  RepeatWeight repeats_;
   std::vector<TimedSensorPose> poses_;  // at the last accumulate()
   double corner_rms_px_ = 0.0, track_rms_px_ = 0.0;
   double consistent_share_ = 1.0;

@@ -107,7 +107,7 @@ class InertialWindow {
   struct Summary {
     int iterations = 0;
     double first_cost = 0.0, last_cost = 0.0;
-    bool failed = false;  ///< no step could be solved; the state is as before
+    bool failed = false;  ///< no step could be solved, or none made it better; the state is as before
   };
   /// Levenberg-Marquardt until the calibration moves less than a hundredth of its sigma, or `max_iterations`.
   Summary optimize(int max_iterations);
@@ -124,6 +124,7 @@ class InertialWindow {
 
  private:
   void build(const WindowState& state, int end_node, ChainSystem* system);
+  bool take(const ChainSystem::Step& step, double most, ChainSystem* next);
   void addGlobalPriors(const WindowState& state, ChainSystem* system) const;
   void holdAccelBias(const WindowState& state, ChainSystem* system) const;
   static void holdUnmeasuredWay(ChainSystem* system);

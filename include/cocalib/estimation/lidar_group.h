@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "cocalib/estimation/inertial_chain.h"
+#include "cocalib/estimation/repeat_weight.h"
 #include "cocalib/factors/point_factors.h"
 #include "cocalib/factors/timed_sensor_pose.h"
 #include "cocalib/lidar/board_segmenter.h"
@@ -88,10 +89,12 @@ class LidarGroup {
     Eigen::Vector3d bearing_L;
     int outline = 0;  // index in WindowState::outline
     double sigma_m = 0.0;
+    double weight = 1.0;
   };
   struct Scan {
     std::shared_ptr<const LidarScan> raw;
     TimeNs from = 0;  // bins before it have been dropped; lidar clock
+    std::optional<double> weight;  // see RepeatWeight; set by the first link()
     std::vector<Bin> bins;
     std::vector<Edge> edges;
     std::vector<std::int16_t> plane;
@@ -105,6 +108,8 @@ class LidarGroup {
     void addResidual(double distance_m, double cosine, double floor2);
   };
 
+  /// Gives every scan that has none its weight, in their order.
+  void weigh(const WindowState& state, const InertialChain& chain);
   template <typename Visit>
   void forEachBin(const WindowState& state, const InertialChain& chain, const Scan& scan, Visit&& visit) const;
   /// Finds the board in a scan, unless it was looked for before with as good a prediction.
@@ -120,6 +125,7 @@ class LidarGroup {
   Params params_;
   double range_sigma_m_;
   std::vector<Scan> scans_;
+  RepeatWeight repeats_;
 };
 
 /// Brings every point of a sweep to the world with the current estimate, each at its own time.
