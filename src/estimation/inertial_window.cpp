@@ -17,7 +17,7 @@ constexpr double kFirstLambda = 1e-10, kMinLambda = 1e-12, kMaxLambda = 1e8;
 constexpr double kNegligible = 1e-2;  // decrease of the cost: a seventh of a sigma of one parameter
 constexpr double kInvisible = 1e-3;
 constexpr double kWorthwhile = 1.0;  // who cannot take a step that should bring more has not solved anything
-constexpr double kMinKnown = 0.9;  // share of the points on planes, over what it was when the planes were found
+constexpr double kMinKnown = 0.9;    // share of the points on planes, over what it was when the planes were found
 
 }  // namespace
 

@@ -108,7 +108,8 @@ TEST(ParkedRig, StaysAsWellCalibratedAsItWas) {
     for (int i = 0; i < 14; ++i) {
       EXPECT_LT(std::abs(error[i]), 3.5 * std::sqrt(estimate.covariance(i, i))) << seed << ", axis " << i;
     }
-    EXPECT_LT(error.dot(estimate.covariance.ldlt().solve(error)), 36.1) << seed;  // 99.9 % of chi-square with 14 degrees
+    EXPECT_LT(error.dot(estimate.covariance.ldlt().solve(error)), 36.1)
+        << seed;  // 99.9 % of chi-square with 14 degrees
   }
 }
 

@@ -19,7 +19,7 @@ class SimulatedWindow {
  public:
   struct Use {
     bool corners = false, tracks = false, lidar = false;
-    double assumed_imu_noise = 1.0;                     // over the simulated one
+    double assumed_imu_noise = 1.0;                   // over the simulated one
     Eigen::Vector3d place = Eigen::Vector3d::Zero();  // of the simulated world's origin in the window's [m]
   };
   SimulatedWindow(const sim::Scenario& scenario, const Use& use)

@@ -87,7 +87,8 @@ TEST(CalibrateLaunch, BagEndsByItselfWithTfAndResultAndGoesOnFromIt) {
   Listener listener;
   const auto launch = [&](const std::string& arguments) {
     return runCommand("timeout -s INT 600 roslaunch cocalib calibrate.launch rviz:=false rig:=" + here +
-                      "/in.rig.yaml bag:=" + here + "/in.bag rate:=" + std::to_string(test::pace()) + " " + arguments + " < /dev/null");
+                      "/in.rig.yaml bag:=" + here + "/in.bag rate:=" + std::to_string(test::pace()) + " " + arguments +
+                      " < /dev/null");
   };
   ASSERT_EQ(launch("output:=" + here + "/result"), 0);
   listener.stop();

@@ -43,9 +43,7 @@ class Control : public testing::Test {
     spinner_.start();
   }
 
-  void play(const std::string& bag) const {
-    ASSERT_EQ(runCommand(playerOf(rig_, bag)), 0);
-  }
+  void play(const std::string& bag) const { ASSERT_EQ(runCommand(playerOf(rig_, bag)), 0); }
   std::string call(const std::string& service, bool expected = true) const {
     std_srvs::Trigger trigger;
     EXPECT_TRUE(ros::service::call("/cocalib/" + service, trigger)) << service;

@@ -154,7 +154,8 @@ TEST_F(GoingOn, ThroughRestartsAndLoops) {
     SCOPED_TRACE("the fuser restarted, and the recording in a loop: every pass is a run of its own");
     restartNodelet("fuser", "CoCalibrationFuser");
     forgetEstimate();  // the new one has said nothing yet
-    Program player("rosbag play --quiet --loop --duration 15 --rate " + std::to_string(pace()) + " " + bag_ + " < /dev/null");
+    Program player("rosbag play --quiet --loop --duration 15 --rate " + std::to_string(pace()) + " " + bag_ +
+                   " < /dev/null");
     ASSERT_TRUE(waitFor(
         [] {
           std_srvs::Trigger trigger;

@@ -29,7 +29,8 @@ inline int runCommand(const std::string& command) {
   return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }
 
-/// Share of its own pace at which a recording is played: builds that sanitizers have made slow need ten times their time.
+/// Share of its own pace at which a recording is played: builds that sanitizers have made slow need ten times their
+/// time.
 inline double pace() {
   const char* given = std::getenv("COCALIB_TEST_PACE");
   return given != nullptr ? std::stod(given) : 1.0;

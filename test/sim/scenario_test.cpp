@@ -60,7 +60,8 @@ TEST(Scenario, EveryShippedScenarioLoads) {
       "table1_full", "table1_mild",  "planar",      "upright",  "rotation_only",  "translation_only",
       "static",      "time_offsets", "upside_down", "sideways", "ouster32",       "ouster64",
       "ouster128",   "hesai",        "robosense",   "livox",    "no_time_field",  "rolling_shutter",
-      "motion_blur", "compressed",   "lidar_only",  "building", "picture_faults", "planar_then_full", "parked"};
+      "motion_blur", "compressed",   "lidar_only",  "building", "picture_faults", "planar_then_full",
+      "parked"};
   for (const std::string& name : names) {
     const Scenario scenario = loadScenario("cfg/scenarios/" + name + ".yaml");
     EXPECT_EQ(scenario.name, name);

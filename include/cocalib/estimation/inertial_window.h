@@ -63,9 +63,7 @@ class InertialWindow {
   std::size_t planesInUse() const;
   bool boardKnown() const { return board_known_; }
   /// The camera's lever arm is known up to its length only: no board, and the IMU has not been shifted.
-  bool cameraScaleUnseen() const {
-    return camera_ && !board_known_ && excitation_.unseen(state_.nodes, chain_).scale;
-  }
+  bool cameraScaleUnseen() const { return camera_ && !board_known_ && excitation_.unseen(state_.nodes, chain_).scale; }
 
   /// Appends a node; one closer than a third of the node spacing to the last, or before it, is left out.
   void addNode(const NavState& state);

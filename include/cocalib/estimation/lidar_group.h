@@ -93,7 +93,7 @@ class LidarGroup {
   };
   struct Scan {
     std::shared_ptr<const LidarScan> raw;
-    TimeNs from = 0;  // bins before it have been dropped; lidar clock
+    TimeNs from = 0;               // bins before it have been dropped; lidar clock
     std::optional<double> weight;  // see RepeatWeight; set by the first link()
     std::vector<Bin> bins;
     std::vector<Edge> edges;

@@ -17,7 +17,8 @@ class RepeatWeight {
   double next(const Pose& T_W_S) {
     constexpr double kSamePlace_m = 0.005, kSameDirection_rad = 0.002;  // half a pixel, or half the step between beams
     const Vector6d moved = T_W_S.minus(first_);
-    const bool same = count_ > 0 && moved.head<3>().norm() < kSamePlace_m && moved.tail<3>().norm() < kSameDirection_rad;
+    const bool same =
+        count_ > 0 && moved.head<3>().norm() < kSamePlace_m && moved.tail<3>().norm() < kSameDirection_rad;
     if (!same) {
       first_ = T_W_S;
       count_ = 0;

@@ -62,7 +62,8 @@ inline Plane pointedOutward(const Plane& plane) {
   return plane.offset_m < 0.0 ? Plane{-plane.normal, -plane.offset_m, plane.anchor} : plane;
 }
 
-/// Plane of least squared distances to points, anchored in their mean; its normal points away from the origin. @pre moments.count > 0
+/// Plane of least squared distances to points, anchored in their mean; its normal points away from the origin.
+/// @pre moments.count > 0
 Plane fitPlane(const PointMoments& moments);
 
 }  // namespace cocalib

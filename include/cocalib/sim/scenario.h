@@ -49,8 +49,8 @@ struct Scenario {
   double gravity = 9.80665;                        ///< [m/s^2]
   Place place = Place::kRoom;
   Motion motion = Motion::kFull;
-  double ramp_s = 1.5;      ///< the motion swells from standstill within this time
-  double planar_for_s = 0;  ///< z, roll and pitch rest for so long before they swell too
+  double ramp_s = 1.5;        ///< the motion swells from standstill within this time
+  double planar_for_s = 0;    ///< z, roll and pitch rest for so long before they swell too
   double parked_after_s = 0;  ///< > 0: the motion fades from then on, within ramp_s, and the rig stands; in no building
 
   struct Imu {
