@@ -8,6 +8,7 @@
 #include <tf2_msgs/TFMessage.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <functional>
 #include <map>
@@ -25,6 +26,7 @@
 namespace cocalib {
 namespace {
 
+using test::pace;
 using test::playerOf;
 using test::runCommand;
 using test::waitFor;
@@ -114,7 +116,8 @@ TEST_F(Control, SaveFreezeResumeAndPlayAgain) {
   EXPECT_TRUE(fs::exists(output_ + "/report.html"));
   for (const std::string& name : exportNames()) EXPECT_TRUE(fs::exists(output_ + "/" + name)) << name;
   EXPECT_NE(estimate().progress.find("mm"), std::string::npos) << estimate().progress;
-  EXPECT_TRUE(estimate().findings.empty()) << estimate().findings.front();
+  // A sweep comes a tenth of a second after its stamp, at a tenth of the pace a whole second: that is told, rightly.
+  if (pace() == 1.0) EXPECT_TRUE(estimate().findings.empty()) << estimate().findings.front();
 
   // Frozen: static transforms, those of the file.
   call("freeze");
@@ -136,8 +139,13 @@ TEST_F(Control, SaveFreezeResumeAndPlayAgain) {
   transforms.transforms[0].child_frame_id = "lidar_link";
   transforms.transforms[0].transform.rotation.w = 1.0;
   rival.publish(transforms);
-  ASSERT_TRUE(waitFor([&] { return !estimate().findings.empty(); }, 5.0));
-  EXPECT_NE(estimate().findings.front().find(ros::this_node::getName()), std::string::npos);
+  const auto rivalNamed = [&] {
+    const std::vector<std::string> findings = estimate().findings;
+    return std::any_of(findings.begin(), findings.end(), [](const std::string& finding) {
+      return finding.find(ros::this_node::getName()) != std::string::npos;
+    });
+  };
+  EXPECT_TRUE(waitFor(rivalNamed, 5.0));
 
   // tf switched off, the same recording again: the clock was set back, and everything works as the first time.
   dynamic_reconfigure::Reconfigure reconfigure;
