@@ -117,7 +117,9 @@ TEST_F(Control, SaveFreezeResumeAndPlayAgain) {
   for (const std::string& name : exportNames()) EXPECT_TRUE(fs::exists(output_ + "/" + name)) << name;
   EXPECT_NE(estimate().progress.find("mm"), std::string::npos) << estimate().progress;
   // A sweep comes a tenth of a second after its stamp, at a tenth of the pace a whole second: that is told, rightly.
-  if (pace() == 1.0) EXPECT_TRUE(estimate().findings.empty()) << estimate().findings.front();
+  if (pace() == 1.0) {
+    EXPECT_TRUE(estimate().findings.empty()) << estimate().findings.front();
+  }
 
   // Frozen: static transforms, those of the file.
   call("freeze");
