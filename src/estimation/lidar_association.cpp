@@ -157,7 +157,7 @@ void LidarGroup::fillMap(const WindowState& state, const InertialChain& chain, i
   }
 }
 
-void LidarGroup::weigh(const WindowState& state, const InertialChain& chain) {
+void LidarGroup::weighRepeats(const WindowState& state, const InertialChain& chain) {
   for (Scan& scan : scans_) {
     if (scan.weight) continue;
     const double half_s = scan.raw->points.empty() ? 0.0 : 0.5 * scan.raw->points.back().offset_s;
@@ -168,7 +168,7 @@ void LidarGroup::weigh(const WindowState& state, const InertialChain& chain) {
 
 void LidarGroup::link(const WindowState& state, const InertialChain& chain, const PlaneMap& map, int first_scan,
                       double slack_m, bool board_known, std::size_t points) {
-  weigh(state, chain);
+  weighRepeats(state, chain);
   const auto linkFrom = [&](std::size_t first, std::size_t stride) {
     for (std::size_t s = first; s < scans_.size(); s += stride) {
       Scan& scan = scans_[s];

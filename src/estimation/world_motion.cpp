@@ -59,7 +59,7 @@ void WorldMotion::addPlane(Eigen::Index at, const Plane& now, const Plane& base)
   const Plane moved = {Q_t_ * now.normal, -now.distance(base.anchor) - now.normal.dot(s)};
   const Eigen::Vector3d rest = minus(moved, {base.normal, -base.distance(base.anchor)});
   d_.segment<2>(at) = B_base.transpose() * theta_ + rest.head<2>();
-  d_[at + 2] = base.normal.dot(first_now - first_base - theta_.cross(first_base)) + rest[2];
+  d_[at + 2] = base.normal.dot(shift_ + theta_.cross(base.anchor)) + rest[2];
 
   Eigen::Matrix3d D = Eigen::Matrix3d::Identity();
   // The two bases are functions of the normals and may differ by a quarter turn where the normals hardly do.

@@ -116,7 +116,7 @@ TEST_F(Control, SaveFreezeResumeAndPlayAgain) {
   EXPECT_TRUE(fs::exists(output_ + "/report.html"));
   for (const std::string& name : exportNames()) EXPECT_TRUE(fs::exists(output_ + "/" + name)) << name;
   EXPECT_NE(estimate().progress.find("mm"), std::string::npos) << estimate().progress;
-  // A sweep comes a tenth of a second after its stamp, at a tenth of the pace a whole second: that is told, rightly.
+  // The doctor compares arrivals by the wall clock: at a tenth of the pace it takes streams for late that are not.
   if (pace() == 1.0) {
     EXPECT_TRUE(estimate().findings.empty()) << estimate().findings.front();
   }

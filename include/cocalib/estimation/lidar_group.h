@@ -109,7 +109,7 @@ class LidarGroup {
   };
 
   /// Gives every scan that has none its weight, in their order.
-  void weigh(const WindowState& state, const InertialChain& chain);
+  void weighRepeats(const WindowState& state, const InertialChain& chain);
   template <typename Visit>
   void forEachBin(const WindowState& state, const InertialChain& chain, const Scan& scan, Visit&& visit) const;
   /// Finds the board in a scan, unless it was looked for before with as good a prediction.
